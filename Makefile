@@ -1,0 +1,57 @@
+# Works from a bare clone with Python 3.11 to 3.13 and make: every target first builds .venv if it is missing or older
+# than pyproject.toml or constraints.txt. Another interpreter: make test PYTHON=python3.12
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check install --constraint constraints.txt
+
+# Benchmarks run on the first core this process may use, so that numbers from different machines compare.
+PIN = $(shell command -v taskset >/dev/null 2>&1 && \
+	echo taskset -c $$($(BIN)/python -c 'import os; print(min(os.sched_getaffinity(0)))'))
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint bench clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' Makefile
+
+demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
+	$(BIN)/python -m maipp.cli.demo --out out/demo
+
+test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
+	$(BIN)/python -m pytest -q $(TESTS)
+
+lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
+	$(BIN)/ruff check src tests
+	$(BIN)/ruff format --check src tests
+	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright
+
+bench: $(VENV)/.installed ## time the hot paths on one core
+	$(PIN) $(BIN)/python -m maipp.benchmarks.bench
+
+clean: ## remove the environment, caches and build products (out/ stays, but for the demo)
+	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A venv that did not come out whole (no ensurepip, an interrupt) would look finished to the next make: remove it.
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
+	echo "maipp needs Python 3.11 to 3.13, but $(PYTHON) is $$($(PYTHON) --version 2>&1 || true);" \
+	"name another one: make PYTHON=python3.11" >&2; exit 1; }
+	@echo "making $(VENV) with $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv --clear $(VENV) || { rm -rf $(VENV); exit 1; }
+
+# The build backend is installed first, and the build not isolated, so that constraints.txt pins it too.
+$(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
+	@echo "installing maipp into $(VENV)"
+	@$(PIP) hatchling editables
+	@$(PIP) --no-build-isolation --editable .
+	@touch $@
+
+# After .installed, so that two pips never write to one environment under make -j.
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@echo "installing the development tools into $(VENV)"
+	@$(PIP) --no-build-isolation --editable '.[dev]'
+	@touch $@

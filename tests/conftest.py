@@ -1,0 +1,27 @@
+"""Settings every test runs under. They must be in place before jax or maipp is first imported."""
+
+import os
+from pathlib import Path
+
+CACHE = Path(__file__).parents[1] / ".cache" / "jax-tests"
+
+# Through the environment, so that commands started by tests inherit them. A value already set wins:
+# JAX_PLATFORMS=cuda pytest runs the suite on a GPU.
+for name, value in {
+    "JAX_PLATFORMS": "cpu",
+    "JAX_NUM_CPU_DEVICES": "2",  # sharded code meets a real mesh
+    "JAX_COMPILATION_CACHE_DIR": str(CACHE),
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5",  # below that, reading back costs what compiling does
+    "MPLBACKEND": "Agg",
+}.items():
+    os.environ.setdefault(name, value)
+
+from hypothesis import settings  # noqa: E402
+from jaxtyping import install_import_hook  # noqa: E402
+
+# Shapes and types of every annotated signature in maipp are enforced while the tests run.
+install_import_hook("maipp", "beartype.beartype")
+
+# No deadline: the first example of a test pays for compilation.
+settings.register_profile("maipp", deadline=None, max_examples=50, derandomize="CI" in os.environ)
+settings.load_profile("maipp")
