@@ -1,0 +1,101 @@
+"""A checked rectangular grid of values in its file's units, and the names that such grids go by."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from maipp.errors import InputError
+
+X_NAMES = ("x", "lon", "longitude", "easting")
+Y_NAMES = ("y", "lat", "latitude", "northing")
+VALUE_NAMES = ("value", "values", "z", "topo", "data", "depth", "elevation")
+
+
+@dataclass(frozen=True, eq=False)
+class RasterData:
+    """A rectangular grid of values in its file's own units, both coordinates ascending.
+
+    Construction converts to float64, flips descending coordinates (the values with them) and checks all that
+    the planner relies on. Raises InputError, starting with `source`, for fewer than 2 x 2 values, shapes that
+    do not fit, values not finite or all equal, and coordinates that are not strictly monotonic.
+    """
+
+    # Shapes are checked below, not annotated: a person whose file has others must be told so in words.
+    values: np.ndarray  # (rows, cols) float64, file units of the quantity
+    x: np.ndarray  # (cols,) float64, coordinate of each column, file units, ascending
+    y: np.ndarray  # (rows,) float64, coordinate of each row, file units, ascending
+    source: str = "raster"  # where it came from, for error messages
+    x_name: str | None = None
+    y_name: str | None = None
+    value_name: str | None = None
+
+    def __post_init__(self) -> None:
+        values = numeric(self.values, self.source, self.value_name or "value")
+        if values.ndim != 2 or min(values.shape) < 2:
+            shape = " x ".join(map(str, values.shape)) or "a single number"
+            raise InputError(f"{self.source}: a raster needs at least 2 x 2 values, this one is {shape}")
+        x = numeric(self.x, self.source, self.x_name or "x")
+        y = numeric(self.y, self.source, self.y_name or "y")
+        if (y.shape, x.shape) != (values.shape[:1], values.shape[1:]):
+            raise InputError(
+                f"{self.source}: the values are {values.shape[0]} rows x {values.shape[1]} columns, "
+                f"but coordinate '{self.y_name or 'y'}' has shape {y.shape} "
+                f"and '{self.x_name or 'x'}' {x.shape}; one y per row and one x per column are needed"
+            )
+        _check_monotonic(x, self.x_name or "x", self.source)
+        _check_monotonic(y, self.y_name or "y", self.source)
+        # Before any flip, so that the cell named is the cell in the file.
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            row, col = bad[0]
+            raise InputError(
+                f"{self.source}: value {values[row, col]} at row {row}, column {col} (counting from 0; "
+                f"x={x[col]:.10g}, y={y[row]:.10g}), {len(bad)} such in all; fill the gaps before loading"
+            )
+        if values.min() == values.max():
+            raise InputError(
+                f"{self.source}: every value is {values.flat[0]:g}; a constant field cannot be rescaled"
+            )
+        if x[0] > x[-1]:
+            x, values = x[::-1], values[:, ::-1]
+        if y[0] > y[-1]:
+            y, values = y[::-1], values[::-1]
+        for field, array in (("values", values), ("x", x), ("y", y)):
+            object.__setattr__(self, field, np.ascontiguousarray(array))
+
+
+def choose(candidates: list[str], value: str | None, where: str, what: str) -> str:
+    """The one candidate that the person named, that is alone, or that has a customary name."""
+    listed = ", ".join(candidates) or "none"
+    if value is not None:
+        if value not in candidates:
+            raise InputError(f"{where}no {what} named '{value}'; there is: {listed}")
+        return value
+    customary = candidates if len(candidates) == 1 else [c for c in candidates if c.lower() in VALUE_NAMES]
+    if len(customary) == 1:
+        return customary[0]
+    if not candidates:
+        raise InputError(f"{where}no {what} in it")
+    raise InputError(f"{where}more than one {what} ({listed}); choose one with value=NAME")
+
+
+def numeric(array: np.ndarray, source: str, name: str) -> Float[np.ndarray, "..."]:
+    """The array as float64; InputError if it holds anything but real numbers."""
+    array = np.asarray(array)
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{source}: '{name}' holds {array.dtype}, not real numbers")
+    return array.astype(np.float64)
+
+
+def _check_monotonic(axis: Float[np.ndarray, " n"], name: str, source: str) -> None:
+    if not np.isfinite(axis).all():
+        i = int(np.flatnonzero(~np.isfinite(axis))[0])
+        raise InputError(f"{source}: coordinate '{name}' is {axis[i]} at entry {i} (counting from 0)")
+    step = np.sign(axis[1] - axis[0]) * np.diff(axis)
+    if not (step > 0).all():
+        i = int(np.flatnonzero(step <= 0)[0]) + 1
+        raise InputError(
+            f"{source}: coordinate '{name}' must rise or fall strictly, but entry {i} (counting from 0) is "
+            f"{axis[i]:.10g} after {axis[i - 1]:.10g}"
+        )
