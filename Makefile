@@ -10,6 +10,9 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check install --constr
 PIN = $(shell command -v taskset >/dev/null 2>&1 && \
 	echo taskset -c $$($(BIN)/python -c 'import os; print(min(os.sched_getaffinity(0)))'))
 
+# A venv whose interpreter was upgraded away is of no use, but its stamps would still look fresh.
+$(shell test -x $(BIN)/python || rm -rf $(VENV))
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help demo test lint bench clean
@@ -38,13 +41,13 @@ clean: ## remove the environment, caches and build products (out/ stays, but for
 # A venv that did not come out whole (no ensurepip, an interrupt) would look finished to the next make: remove it.
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
-	echo "maipp needs Python 3.11 to 3.13, but $(PYTHON) is $$($(PYTHON) --version 2>&1 || true);" \
+	echo "maipp needs Python 3.11 to 3.13, but $(PYTHON) is $$($(PYTHON) --version 2>/dev/null || echo missing);" \
 	"name another one: make PYTHON=python3.11" >&2; exit 1; }
 	@echo "making $(VENV) with $$($(PYTHON) --version)"
-	@$(PYTHON) -m venv --clear $(VENV) || { rm -rf $(VENV); exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # The build backend is installed first, and the build not isolated, so that constraints.txt pins it too.
-$(VENV)/.installed: $(BIN)/python pyproject.toml constraints.txt
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing maipp into $(VENV)"
 	@$(PIP) hatchling editables
 	@$(PIP) --no-build-isolation --editable .
