@@ -1,0 +1,20 @@
+"""Gaussian-process belief: kernel, posterior, high-interest area."""
+
+from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, trace
+from maipp.belief.kernel import Matern32
+from maipp.belief.posterior import Belief, append, condition, extend, posterior, predict
+
+__all__ = [
+    "Belief",
+    "Interest",
+    "Matern32",
+    "append",
+    "condition",
+    "extend",
+    "high_interest_area",
+    "mutual_information",
+    "posterior",
+    "predict",
+    "rmse",
+    "trace",
+]

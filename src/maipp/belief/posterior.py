@@ -1,0 +1,204 @@
+"""Exact Gaussian-process posterior: condition on masked measurements, append one, predict anywhere."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.belief.kernel import Matern32
+from maipp.typing import Array, Bool, Float
+
+# The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it.
+_NUGGET_GROWTH = 10.0
+_NUGGET_START = 1e-7
+_NUGGET_LIMIT = 1e-1
+
+
+class Belief(eqx.Module):
+    """A zero-mean GP conditioned on measurements, with its prediction at a fixed set of query points.
+
+    Slots that hold no measurement are identity rows of the factor and zero rows of everything else, so the shapes
+    depend only on the number of slots n and of query points q.
+    """
+
+    kernel: Matern32
+    x: Float[Array, "n 2"]  # measured positions, domain units
+    mask: Bool[Array, " n"]  # True where a slot holds a measurement
+    inverse_factor: Float[Array, "n n"]  # L^-1 of K(X, X) + noise I
+    whitened_values: Float[Array, " n"]  # L^-1 y
+    query: Float[Array, "q 2"]  # query points, domain units
+    whitened_query: Float[Array, "n q"]  # V = L^-1 K(X, Q)
+    mean: Float[Array, " q"]  # posterior mean at the query points
+    variance: Float[Array, " q"]  # posterior variance at the query points, >= 0
+    noise: Float[Array, ""]  # noise variance actually used
+
+    @property
+    def std(self) -> Float[Array, " q"]:
+        """Posterior standard deviation at the query points."""
+        return jnp.sqrt(self.variance)
+
+    def whiten(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p n"]:
+        """L^-1 k(X, p) for every point p: what one hypothetical measurement needs from the parent's rows."""
+        covariance = jnp.where(self.mask, self.kernel(points[..., None, :], self.x), 0.0)
+        return covariance @ self.inverse_factor.T
+
+
+def _factor(
+    gram: Float[Array, "n n"], noise: Float[Array, ""]
+) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+    """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or the least multiple that stays finite."""
+    identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
+
+    def attempt(nugget: Float[Array, ""]) -> Float[Array, "n n"]:
+        return jnp.linalg.cholesky(gram + nugget * identity)
+
+    def bad(carry: tuple[Float[Array, "n n"], Float[Array, ""]]) -> Bool[Array, ""]:
+        return ~jnp.isfinite(carry[0]).all() & (carry[1] < _NUGGET_LIMIT)
+
+    def grow(
+        carry: tuple[Float[Array, "n n"], Float[Array, ""]],
+    ) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+        nugget = jnp.maximum(carry[1] * _NUGGET_GROWTH, _NUGGET_START)
+        return attempt(nugget), nugget
+
+    return lax.while_loop(bad, grow, (attempt(noise), noise))
+
+
+def condition(
+    kernel: Matern32,
+    x: Float[Array, "n 2"],
+    y: Float[Array, " n"],
+    mask: Bool[Array, " n"],
+    query: Float[Array, "q 2"],
+    noise: float | Float[Array, ""] = 1e-6,
+) -> Belief:
+    """Belief after the measurements whose mask is True, with predictions at `query`.
+
+    `noise` is the measurement variance added to the diagonal. Where float32 cannot factor the matrix (duplicate
+    points), the nugget grows tenfold until it can. Source: Rasmussen & Williams 2006, Alg. 2.1.
+    """
+    pair = mask[:, None] & mask[None, :]
+    prior = jnp.asarray(kernel.variance, x.dtype)
+    gram = jnp.where(pair, kernel.matrix(x, x), 0.0)
+    gram = gram + jnp.diag(jnp.where(mask, 0.0, prior))
+    factor, nugget = _factor(gram, jnp.asarray(noise, x.dtype))
+    identity = jnp.eye(x.shape[0], dtype=x.dtype)
+    inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
+    cross = jnp.where(mask[:, None], kernel.matrix(x, query), 0.0)
+    whitened_query = inverse @ cross
+    whitened_values = inverse @ jnp.where(mask, y, 0.0)
+    variance = jnp.maximum(prior - jnp.sum(whitened_query * whitened_query, axis=0), 0.0)
+    return Belief(
+        kernel=kernel,
+        x=x,
+        mask=mask,
+        inverse_factor=inverse,
+        whitened_values=whitened_values,
+        query=query,
+        whitened_query=whitened_query,
+        mean=whitened_values @ whitened_query,
+        variance=variance,
+        noise=nugget,
+    )
+
+
+def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
+    """Belief after one more measurement, placed in the first free slot: one new row of L^-1 and of V, O(n q).
+
+    A full belief is returned unchanged; size the slots for the budget.
+    """
+    slot = jnp.argmin(belief.mask)
+    free = ~belief.mask[slot]
+    row = belief.whiten(x)  # L^-1 k(X, x)
+    prior = jnp.asarray(belief.kernel.variance, x.dtype)
+    pivot = jnp.sqrt(jnp.maximum(prior + belief.noise - row @ row, jnp.maximum(belief.noise, _NUGGET_START)))
+    inverse_row = (-(row @ belief.inverse_factor) / pivot).at[slot].set(1.0 / pivot)
+    value = (y - row @ belief.whitened_values) / pivot
+    query_row = (belief.kernel(x, belief.query) - row @ belief.whitened_query) / pivot
+
+    def put(array: Array, new: Array) -> Array:
+        return array.at[slot].set(jnp.where(free, new, array[slot]))
+
+    return Belief(
+        kernel=belief.kernel,
+        x=put(belief.x, x),
+        mask=belief.mask.at[slot].set(True),
+        inverse_factor=put(belief.inverse_factor, inverse_row),
+        whitened_values=put(belief.whitened_values, value),
+        query=belief.query,
+        whitened_query=put(belief.whitened_query, query_row),
+        mean=belief.mean + jnp.where(free, value * query_row, 0.0),
+        variance=jnp.maximum(belief.variance - jnp.where(free, query_row * query_row, 0.0), 0.0),
+        noise=belief.noise,
+    )
+
+
+def predict(belief: Belief, points: Float[Array, "p 2"]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Posterior mean and variance at any points."""
+    whitened = belief.whiten(points)
+    variance = jnp.asarray(belief.kernel.variance, points.dtype) - jnp.sum(whitened * whitened, axis=-1)
+    return whitened @ belief.whitened_values, jnp.maximum(variance, 0.0)
+
+
+def posterior(
+    kernel: Matern32,
+    x: Float[Array, "n 2"],
+    y: Float[Array, " n"],
+    query: Float[Array, "q 2"],
+    noise: float = 1e-10,
+) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
+    """Posterior mean and variance at `query` after measuring `y` at `x` (paper Sec. III-A).
+
+    Accepts NumPy or JAX arrays; the precision is JAX's (float64 under `JAX_ENABLE_X64`). Zero measurements give the
+    prior.
+    """
+    x, y, query = (jnp.asarray(a, jnp.result_type(float)) for a in (x, y, query))
+    belief = condition(kernel, x, y, jnp.ones(x.shape[0], bool), query, noise)
+    return belief.mean, belief.variance
+
+
+def extend(
+    belief: Belief,
+    x: Float[Array, "p 2"],
+    mask: Bool[Array, " p"],
+    *,
+    virtual_value: str = "mean",
+) -> Belief:
+    """Belief with p virtual measurements added in p new slots, as if they had been taken already.
+
+    `virtual_value="mean"` takes the predicted mean as their value, so that only the covariance changes (paper
+    Sec. III-B); `"zero"` measures zero everywhere, as the public reference code does.
+    """
+    rows = jnp.where(mask[:, None], belief.whiten(x), 0.0)  # (p, n) L^-1 k(X, x)
+    prior = jnp.asarray(belief.kernel.variance, x.dtype)
+    pair = mask[:, None] & mask[None, :]
+    schur = jnp.where(pair, belief.kernel.matrix(x, x) - rows @ rows.T, 0.0) + jnp.diag(
+        jnp.where(mask, 0.0, prior)
+    )
+    factor, _ = _factor(schur, belief.noise)
+    identity = jnp.eye(x.shape[0], dtype=x.dtype)
+    inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
+    cross = jnp.where(
+        mask[:, None], belief.kernel.matrix(x, belief.query) - rows @ belief.whitened_query, 0.0
+    )
+    query_rows = inverse @ cross
+    n, p = belief.x.shape[0], x.shape[0]
+    inverse_factor = jnp.zeros((n + p, n + p), x.dtype)
+    inverse_factor = inverse_factor.at[:n, :n].set(belief.inverse_factor)
+    inverse_factor = inverse_factor.at[n:, :n].set(-inverse @ (rows @ belief.inverse_factor))
+    inverse_factor = inverse_factor.at[n:, n:].set(inverse)
+    innovation = (
+        jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
+    )
+    values = inverse @ innovation.astype(x.dtype)
+    return Belief(
+        kernel=belief.kernel,
+        x=jnp.concatenate([belief.x, x]),
+        mask=jnp.concatenate([belief.mask, mask]),
+        inverse_factor=inverse_factor,
+        whitened_values=jnp.concatenate([belief.whitened_values, values]),
+        query=belief.query,
+        whitened_query=jnp.concatenate([belief.whitened_query, query_rows]),
+        mean=belief.mean + values @ query_rows,
+        variance=jnp.maximum(belief.variance - jnp.sum(query_rows * query_rows, axis=0), 0.0),
+        noise=belief.noise,
+    )

@@ -1,0 +1,39 @@
+"""Use every core: one JAX device per CPU core, so that missions shard over cores as they do over accelerators."""
+
+import os
+
+# XLA's thread pool has one thread per core. A loop that runs on a device holds its thread while it waits for the
+# loop body, so with as many devices as threads all of them can end up waiting (seen with jaxlib 0.10: a Cholesky
+# inside a while loop on two devices of a two-core machine never returned). XLA reads the pool's size from NPROC.
+_THREADS_PER_DEVICE = 4
+
+_configured = False
+
+
+def use_all_cores(cores: int | None = None) -> None:
+    """Make JAX show one CPU device per core; must run before JAX touches a device, and does nothing the second time.
+
+    An accelerator, where JAX finds one, stays the default backend. `cores` defaults to those this process may use.
+    """
+    global _configured
+    if _configured:
+        return
+    if cores is None:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), _THREADS_PER_DEVICE * cores))
+    # Each device already keeps a core busy; letting every matrix product spread over all cores only adds waiting.
+    flags = os.environ.get("XLA_FLAGS", "")
+    if "xla_cpu_multi_thread_eigen" not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_multi_thread_eigen=false".strip()
+    import jax
+
+    jax.config.update("jax_num_cpu_devices", cores)
+    _configured = True
+
+
+def missions_devices() -> list:
+    """The devices that missions shard over: all local ones, but a single CPU device unless `use_all_cores` ran."""
+    import jax
+
+    devices = jax.local_devices()
+    return devices if _configured or devices[0].platform != "cpu" else devices[:1]

@@ -1,0 +1,34 @@
+"""Announced measurements: what planners that share their next legs tell each other."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.belief import Belief, extend
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.simulator.decision import Observation
+from maipp.typing import Array, Float
+
+
+class Announcement(NamedTuple):
+    """Where and when an agent means to measure next."""
+
+    points: Float[Array, "h 2"]  # positions, domain units
+    times: Float[Array, " h"]  # when; inf where nothing is announced
+
+
+def nothing_announced(count: int) -> Announcement:
+    """The announcement of an agent that has not planned yet."""
+    return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf))
+
+
+def with_announced(observation: Observation, announced: Announcement, virtual_value: str) -> Belief:
+    """The agent's belief with the heard agents' future measurements added as virtual ones.
+
+    `announced` has a leading axis m. Measurements whose time has passed are known for real by whoever hears them.
+    """
+    future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
+    valid = future & jnp.isfinite(announced.times) & observation.heard[:, None]
+    return extend(
+        observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value
+    )

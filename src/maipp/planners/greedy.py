@@ -1,0 +1,45 @@
+"""`greedy` and `shared-greedy`: the neighbour whose measurement would lower Tr(P) most."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from maipp.belief import extend
+from maipp.planners.lookahead import predicted_trace
+from maipp.planners.roadmap_step import edges_here
+from maipp.simulator.decision import Decision, Observation, Planner, PyTree
+from maipp.typing import Key
+
+
+class Greedy(Planner):
+    """One step ahead on the roadmap: the lowest predicted Tr(P) as if measuring at the next node.
+
+    With `shared=True` every agent announces the node it is heading to, and the others count it as measured.
+    """
+
+    shared: bool = eqx.field(static=True, default=False)
+
+    uses_roadmap = True
+
+    def empty_message(self) -> PyTree:
+        """The announced target: position (2,), NaN before the first decision."""
+        return jnp.full(2, jnp.nan) if self.shared else ()
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""
+        here = edges_here(observation)
+        belief = observation.belief
+        if self.shared:
+            valid = observation.heard & jnp.isfinite(observation.messages[:, 0])
+            targets = jnp.where(valid[:, None], observation.messages, 0.0)
+            belief = extend(belief, targets, valid, virtual_value=self.scenario.virtual_value)
+        score = predicted_trace(
+            belief,
+            self.interest,
+            observation.inside,
+            here.targets[:, None, :],
+            here.allowed[:, None],
+            virtual_value=self.scenario.virtual_value,
+        )
+        target = here.targets[jnp.argmin(jnp.where(here.allowed, score, jnp.inf))]
+        message = target if self.shared else self.empty_message()
+        return Decision(target[None], message, memory, ~here.allowed.any())

@@ -1,0 +1,112 @@
+"""What the belief would be after travelling given waypoints: the one place every planner asks.
+
+A hypothetical measurement reads the parent belief's rows in place: with V = L^-1 K(X, Q), one more point p adds the
+row `(k(p, Q) - (L^-1 k(X, p))^T V) / pivot`, and the variance falls by the square of the row. Nothing is refitted.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.belief import Belief, Interest
+from maipp.typing import Array, Bool, Float, Vector
+
+# A virtual measurement on top of a real one has no variance left to remove; the floor keeps its row finite.
+_PIVOT_FLOOR = 1e-6
+
+
+def measurement_offsets(to_next: Float[Array, ""], interval: float, count: int) -> Vector:
+    """Distances travelled from here to each of the next `count` measurements (domain units)."""
+    return to_next + interval * jnp.arange(count)
+
+
+def along_paths(
+    start: Float[Array, "2"], waypoints: Float[Array, "*c w 2"], offsets: Float[Array, " h"]
+) -> tuple[Float[Array, "*c h 2"], Float[Array, "*c"]]:
+    """Points at the given distances along each path from `start`, clamped to its end, and the paths' lengths."""
+    origin = jnp.broadcast_to(start, (*waypoints.shape[:-2], 1, 2))
+    vertices = jnp.concatenate([origin, waypoints], axis=-2)
+    edges = vertices[..., 1:, :] - vertices[..., :-1, :]
+    lengths = jnp.sqrt(jnp.sum(edges * edges, axis=-1))
+    points = jnp.broadcast_to(origin, (*waypoints.shape[:-2], offsets.shape[0], 2))
+    done = jnp.zeros(lengths.shape[:-1], lengths.dtype)
+    for i in range(lengths.shape[-1]):
+        share = jnp.clip((offsets - done[..., None]) / jnp.maximum(lengths[..., i, None], 1e-12), 0.0, 1.0)
+        points = points + share[..., None] * edges[..., i, None, :]
+        done = done + lengths[..., i]
+    return points, done
+
+
+class VirtualMeasurements(NamedTuple):
+    """Candidate measurements as rows appended to a belief; candidates c, measurements h each, query points q."""
+
+    rows: Float[Array, "c h q"]  # what each would add to V
+    whitened: Float[Array, "c h n"]  # L^-1 k(X, p)
+    factor: list[
+        list[Float[Array, " c"]]
+    ]  # lower triangular Cholesky factor of the candidates' own covariance
+
+
+def virtual_measurements(
+    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
+) -> VirtualMeasurements:
+    """The rows that each candidate's measurements would add, taken in order; `taken=False` adds nothing."""
+    prior = jnp.asarray(belief.kernel.variance, points.dtype)
+    whitened = belief.whiten(points)
+    residual = belief.kernel(points[:, :, None, :], belief.query) - whitened @ belief.whitened_query
+    between = belief.kernel(points[:, :, None, :], points[:, None, :, :]) - jnp.einsum(
+        "chn,cgn->chg", whitened, whitened
+    )
+    rows: list[Array] = []
+    factor: list[list[Array]] = []
+    for i in range(points.shape[1]):
+        row = residual[:, i]
+        pivot = jnp.minimum(between[:, i, i], prior) + belief.noise
+        entries: list[Array] = []
+        for j in range(i):
+            entry = between[:, i, j]
+            for k in range(j):
+                entry = entry - entries[k] * factor[j][k]
+            entry = jnp.where(taken[:, j], entry / factor[j][j], 0.0)
+            row = row - entry[:, None] * rows[j]
+            pivot = pivot - entry * entry
+            entries.append(entry)
+        entries.append(jnp.sqrt(jnp.maximum(pivot, _PIVOT_FLOOR)))
+        rows.append(jnp.where(taken[:, i, None], row / entries[i][:, None], 0.0))
+        factor.append(entries)
+    return VirtualMeasurements(jnp.stack(rows, axis=1), whitened, factor)
+
+
+def predicted_variance(
+    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
+) -> Float[Array, "c q"]:
+    """Variance at the query points after each candidate's measurements."""
+    rows = virtual_measurements(belief, points, taken).rows
+    return jnp.maximum(belief.variance - jnp.sum(rows * rows, axis=1), 0.0)
+
+
+def predicted_trace(
+    belief: Belief,
+    interest: Interest,
+    inside: Bool[Array, " q"],
+    points: Float[Array, "c h 2"],
+    taken: Bool[Array, "c h"],
+    *,
+    virtual_value: str = "mean",
+) -> Float[Array, " c"]:
+    """Tr(P) over the refreshed high-interest area after each candidate's measurements.
+
+    `virtual_value="mean"` measures the predicted mean, so only the covariance changes (paper Sec. III-B); `"zero"`
+    measures zero everywhere.
+    """
+    virtual = virtual_measurements(belief, points, taken)
+    variance = jnp.maximum(belief.variance - jnp.sum(virtual.rows * virtual.rows, axis=1), 0.0)
+    mean = jnp.broadcast_to(belief.mean, variance.shape)
+    if virtual_value == "zero":
+        predicted = virtual.whitened @ belief.whitened_values  # (c, h) what the belief expects there
+        innovations: list[Array] = []
+        for i, entries in enumerate(virtual.factor):
+            known = sum((entries[j] * innovations[j] for j in range(i)), jnp.zeros_like(predicted[:, i]))
+            innovations.append(jnp.where(taken[:, i], (-predicted[:, i] - known) / entries[i], 0.0))
+        mean = mean + jnp.einsum("ch,chq->cq", jnp.stack(innovations, axis=1), virtual.rows)
+    return interest.trace(mean, variance, inside)

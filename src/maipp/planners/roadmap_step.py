@@ -1,0 +1,47 @@
+"""What every roadmap planner shares: where it stands on its roadmap and which edges its budget allows."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.roadmap import Roadmap
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.simulator.decision import Observation
+from maipp.typing import Array, Bool, Float, Index, Int
+
+
+class Edges(NamedTuple):
+    """The edges that leave a node."""
+
+    node: Int[Array, ""]  # the node
+    targets: Float[Array, "k 2"]  # positions of its neighbours, domain units
+    target_nodes: Int[Array, " k"]  # their indices
+    lengths: Float[Array, " k"]  # edge lengths, domain units
+    allowed: Bool[Array, " k"]  # not pruned, and within the remaining budget
+
+
+def current_node(roadmap: Roadmap, position: Float[Array, "2"]) -> Index:
+    """The roadmap node nearest to a position."""
+    offset = jnp.asarray(roadmap.nodes) - position
+    return jnp.argmin(jnp.sum(offset * offset, axis=-1)).astype(jnp.int32)
+
+
+def edges(roadmap: Roadmap, node: Index, remaining: Float[Array, ""]) -> Edges:
+    """The edges from `node` to its neighbours; an edge as long as the remaining budget is allowed."""
+    target_nodes = jnp.asarray(roadmap.neighbours)[node]
+    lengths = jnp.asarray(roadmap.distances)[node]
+    # An edge of length zero (coincident nodes) goes nowhere, and an agent that goes nowhere has stopped.
+    allowed = (
+        jnp.asarray(roadmap.reachable)[node]
+        & (lengths <= remaining + DISTANCE_TOLERANCE)
+        & (lengths > DISTANCE_TOLERANCE)
+    )
+    return Edges(node, jnp.asarray(roadmap.nodes)[target_nodes], target_nodes, lengths, allowed)
+
+
+def edges_here(observation: Observation) -> Edges:
+    """The edges the due agent may take. Raises ValueError where the mission was drawn without roadmaps."""
+    if observation.roadmap is None:
+        raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
+    node = current_node(observation.roadmap, observation.position)
+    return edges(observation.roadmap, node, observation.remaining)

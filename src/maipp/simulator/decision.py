@@ -1,0 +1,80 @@
+"""What a planner sees, what it answers, and the protocol between it and the engine."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+
+from maipp.belief import Belief, Interest, Matern32
+from maipp.roadmap import Roadmap
+from maipp.scenario import Scenario
+from maipp.typing import Array, Bool, Float, Index, Key
+
+PyTree = Any
+
+
+class Observation(eqx.Module):
+    """What the agent that is due knows at the moment it decides."""
+
+    agent: Index  # index of the agent that decides
+    time: Float[Array, ""]  # now
+    position: Float[Array, "2"]  # where the agent is, domain units
+    start: Float[Array, "2"]  # where it began
+    budget: Float[Array, ""]  # its whole budget, domain units
+    remaining: Float[Array, ""]  # what is left of it
+    speed: Float[Array, ""]  # its speed
+    to_next_measurement: Float[Array, ""]  # distance it travels before it measures again, in (0, interval]
+    measurement_x: Float[Array, "s 2"]  # positions of all slots of the team
+    measurement_y: Float[Array, " s"]  # measured values, normalised units
+    known: Bool[Array, " s"]  # the slots whose value this agent knows
+    belief: Belief  # its own belief, predicted on the evaluation grid
+    inside: Bool[Array, " q"]  # grid points of the survey area
+    heard: Bool[Array, " m"]  # agents within communication range now; never itself
+    messages: PyTree  # last message of every agent, leading axis m; valid only where heard
+    positions: Float[Array, "m 2"]  # where the agents are now; valid only where heard, and its own
+    roadmap: Roadmap | None  # the agent's own roadmap
+
+
+class Decision(eqx.Module):
+    """A planner's answer: the polyline to travel before deciding again, and what to tell the others."""
+
+    waypoints: Float[
+        Array, "w 2"
+    ]  # straight legs through these, domain units; repeat the last one to go less far
+    message: PyTree  # same structure as `Planner.empty_message()`
+    memory: PyTree  # same structure as `Planner.initial_memory()`
+    stop: Bool[Array, ""] | bool = False  # True ends this agent's mission here
+
+
+class Planner(eqx.Module):
+    """Base of every planner: a pytree whose options are static and whose weights, if any, are arrays.
+
+    Subclass it, implement `decide`, and register a constructor with `maipp.planners.register`. All methods must be
+    traceable by JAX; `decide` is compiled once and vmapped over missions.
+    """
+
+    scenario: Scenario = eqx.field(static=True)
+
+    uses_roadmap: ClassVar[bool] = False  # draw a roadmap for every agent
+    waypoints_per_decision: int = eqx.field(static=True, default=1, kw_only=True)
+
+    @property
+    def kernel(self) -> Matern32:
+        """The scenario's prior covariance."""
+        return Matern32(self.scenario.length_scale, self.scenario.signal_variance)
+
+    @property
+    def interest(self) -> Interest:
+        """The scenario's high-interest rule."""
+        return Interest(self.scenario.threshold, self.scenario.beta, self.scenario.interest_rule)
+
+    def empty_message(self) -> PyTree:
+        """The message of an agent that has not decided yet (arrays without an agent axis)."""
+        return ()
+
+    def initial_memory(self) -> PyTree:
+        """What an agent remembers before its first decision (arrays without an agent axis)."""
+        return ()
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next waypoints of the agent that is due."""
+        raise NotImplementedError

@@ -1,0 +1,82 @@
+"""How well a mission went: the objective and the measures that cannot be gamed by shrinking the predicted area."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.belief import Belief, Interest, Matern32, condition, rmse, trace
+from maipp.scenario import Scenario
+from maipp.simulator.mission import Mission
+from maipp.simulator.state import State
+from maipp.typing import Array, Bool, Float
+
+
+class Metrics(eqx.Module):
+    """Quality of finished missions; every array has the missions' leading axis b."""
+
+    trace: Float[Array, "*b"]  # Tr(P_f) of the team's pooled belief over the predicted high-interest area
+    own_trace: Float[Array, "*b"]  # the same of each agent's own belief, mean over agents (paper Table IV)
+    true_trace: Float[Array, "*b"]  # pooled variance over the points where the truth is of high interest
+    rmse: Float[Array, "*b"]  # of the pooled mean over the survey area, normalised field units
+    distance: Float[Array, "*b"]  # travelled by the team, domain units
+    decisions: Float[Array, "*b"]  # taken by the team
+
+
+def belief_of(scenario: Scenario, mission: Mission, state: State, mask: Bool[Array, "m s"]) -> Belief:
+    """The belief on the evaluation grid that the masked measurements give."""
+    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    x, y = state.measurement_x.reshape(-1, 2), state.measurement_y.reshape(-1)
+    return condition(kernel, x, y, mask.reshape(-1), mission.grid, scenario.noise)
+
+
+def pooled_belief(
+    scenario: Scenario, mission: Mission, state: State, time: float | Float[Array, ""] = jnp.inf
+) -> Belief:
+    """The belief from all measurements that the team has taken by `time` (default: all of them)."""
+    taken = jnp.isfinite(state.measurement_time) & (state.measurement_time <= time)
+    return belief_of(scenario, mission, state, taken)
+
+
+def interest_of(scenario: Scenario) -> Interest:
+    """The scenario's high-interest rule."""
+    return Interest(scenario.threshold, scenario.beta, scenario.interest_rule)
+
+
+def _score(scenario: Scenario, mission: Mission, state: State) -> Metrics:
+    """Metrics of one unbatched mission."""
+    interest = interest_of(scenario)
+    pooled = pooled_belief(scenario, mission, state)
+    final = interest.trace(pooled.mean, pooled.variance, mission.inside)
+
+    def own(known: Bool[Array, "m s"]) -> Float[Array, ""]:
+        belief = belief_of(scenario, mission, state, known)
+        return interest.trace(belief.mean, belief.variance, mission.inside)
+
+    return Metrics(
+        trace=final,
+        own_trace=jnp.mean(lax.map(own, state.known)),
+        true_trace=trace(pooled.variance, (mission.truth >= scenario.threshold) & mission.inside),
+        rmse=rmse(pooled.mean, mission.truth, mission.inside),
+        distance=jnp.sum(state.odometer),
+        decisions=state.events.astype(final.dtype),
+    )
+
+
+@eqx.filter_jit
+def score_missions(scenario: Scenario, missions: Mission, states: State) -> Metrics:
+    """Metrics of a batch of finished missions, one after the other to keep the memory of one."""
+    return lax.map(lambda pair: _score(scenario, *pair), (missions, states))
+
+
+@eqx.filter_jit
+def trace_over_time(
+    scenario: Scenario, mission: Mission, state: State, times: Float[Array, " t"]
+) -> Float[Array, " t"]:
+    """Tr(P) of the pooled belief of one mission at each time."""
+    interest = interest_of(scenario)
+
+    def at(time: Float[Array, ""]) -> Float[Array, ""]:
+        belief = pooled_belief(scenario, mission, state, time)
+        return interest.trace(belief.mean, belief.variance, mission.inside)
+
+    return lax.map(at, times)

@@ -1,0 +1,77 @@
+"""Run any planner on a batch of missions: one compiled loop, sharded over the local devices."""
+
+import math
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.sharding import Mesh, PartitionSpec
+
+from maipp.devices import missions_devices
+from maipp.scenario import Scenario
+from maipp.simulator.decision import Planner
+from maipp.simulator.engine import step
+from maipp.simulator.mission import Mission
+from maipp.simulator.state import State, reset
+from maipp.typing import Key
+
+# Missions stepped together by one device. Larger batches fall out of a CPU core's cache, smaller ones pay XLA's
+# per-operation overhead; see `make bench`.
+CPU_CHUNK = 32
+ACCELERATOR_CHUNK = 4096
+
+
+def batch_size(missions: Mission) -> int:
+    """Number of missions in a batch."""
+    return missions.start.shape[0]
+
+
+def chunk_size() -> int:
+    """Missions that one device steps together."""
+    return CPU_CHUNK if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
+
+
+def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Key) -> State:
+    """Final states of missions stepped together until the last has stopped."""
+    state = jax.vmap(partial(reset, scenario, planner))(missions)
+    advance = jax.vmap(partial(step, scenario, planner))
+    return lax.while_loop(
+        lambda state: jnp.any(state.active), lambda state: advance(missions, state, keys), state
+    )
+
+
+@eqx.filter_jit
+def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: Key, chunk: int) -> State:
+    """Final states; the leading axis is a multiple of devices * chunk."""
+    arrays, static = eqx.partition(planner, eqx.is_array)
+
+    def per_device(arrays: Planner, missions: Mission, keys: Key) -> State:
+        local = eqx.combine(arrays, static)
+        chunked = jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), (missions, keys))
+        final = lax.map(lambda pair: _run_chunk(scenario, local, *pair), chunked)
+        return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), final)
+
+    mesh = Mesh(np.asarray(missions_devices()), ("missions",))
+    split, whole = PartitionSpec("missions"), PartitionSpec()
+    return jax.shard_map(
+        per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False
+    )(arrays, missions, keys)
+
+
+def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key) -> State:
+    """Final states of a batch of missions (leading axis b on every array).
+
+    Mission i draws its randomness from `fold_in(key, i)`, so a mission's record does not depend on the batch it ran
+    in, up to floating-point rounding of batched matrix products.
+    """
+    count = batch_size(missions)
+    devices = len(missions_devices())
+    chunk = min(chunk_size(), math.ceil(count / devices))
+    padded = math.ceil(count / (devices * chunk)) * devices * chunk
+    index = jnp.minimum(jnp.arange(padded), count - 1)
+    keys = jax.vmap(partial(jax.random.fold_in, key))(index)
+    final = _run_sharded(scenario, planner, jax.tree.map(lambda a: a[index], missions), keys, chunk)
+    return jax.tree.map(lambda a: a[:count], final)

@@ -1,0 +1,91 @@
+"""The state of a mission in progress, and where everybody is in it."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from maipp.scenario import Scenario
+from maipp.simulator.decision import Planner
+from maipp.simulator.mission import Mission
+from maipp.typing import Array, Bool, Float, Int
+
+
+class State(eqx.Module):
+    """Everything that changes during a mission. Shapes depend on the scenario and the planner's options only."""
+
+    time: Float[Array, ""]  # of the last event
+    events: Int[Array, ""]  # decisions taken so far by the team
+    active: Bool[Array, " m"]  # False once an agent has stopped
+    leg: Float[Array, "m v 2"]  # polyline each agent travels: departure point, then w waypoints
+    departure: Float[Array, " m"]  # time it left leg[:, 0]
+    arrival: Float[Array, " m"]  # time it reaches leg[:, -1]
+    odometer: Float[Array, " m"]  # distance travelled on arrival
+    taken: Int[Array, " m"]  # measurements taken on arrival
+    measurement_x: Float[Array, "m s 2"]  # where each measurement is taken
+    measurement_y: Float[Array, "m s"]  # its value, normalised units
+    measurement_time: Float[Array, "m s"]  # when it is taken; inf for an empty slot
+    known: Bool[Array, "m m s"]  # [i, j, s]: agent i has taken over slot s of agent j at its last decision
+    messages: Any  # last message of each agent, leading axis m
+    memory: Any  # the planner's memory of each agent, leading axis m
+    route: Float[Array, "m e 2"]  # vertices visited, starting with the start
+    route_time: Float[Array, "m e"]  # when; inf beyond route_length
+    route_length: Int[Array, " m"]  # vertices recorded
+
+
+def route_capacity(scenario: Scenario, planner: Planner) -> int:
+    """Vertices recorded per agent. Four decisions per measurement is thrice what any shipped planner takes.
+
+    An agent whose record is full is stopped, so the capacity also bounds the number of events.
+    """
+    return (4 * scenario.measurements_per_agent + 16) * planner.waypoints_per_decision + 1
+
+
+def reset(scenario: Scenario, planner: Planner, mission: Mission) -> State:
+    """State of an unbatched mission before the first decision: everybody is due at time 0."""
+    m, s = scenario.agents, scenario.measurements_per_agent
+    real = mission.start.dtype
+    capacity = route_capacity(scenario, planner)
+
+    def per_agent(tree: Any) -> Any:
+        return jax.tree.map(lambda a: jnp.broadcast_to(a, (m, *jnp.shape(a))), tree)
+
+    vertices = planner.waypoints_per_decision + 1
+    return State(
+        time=jnp.zeros((), real),
+        events=jnp.zeros((), jnp.int32),
+        active=jnp.ones(m, bool),
+        leg=jnp.broadcast_to(mission.start[:, None], (m, vertices, 2)),
+        departure=jnp.zeros(m, real),
+        arrival=jnp.zeros(m, real),
+        odometer=jnp.zeros(m, real),
+        taken=jnp.zeros(m, jnp.int32),
+        measurement_x=jnp.zeros((m, s, 2), real),
+        measurement_y=jnp.zeros((m, s), real),
+        measurement_time=jnp.full((m, s), jnp.inf, real),
+        known=jnp.zeros((m, m, s), bool),
+        messages=per_agent(planner.empty_message()),
+        memory=per_agent(planner.initial_memory()),
+        route=jnp.zeros((m, capacity, 2), real).at[:, 0].set(mission.start),
+        route_time=jnp.full((m, capacity), jnp.inf, real).at[:, 0].set(0.0),
+        route_length=jnp.ones(m, jnp.int32),
+    )
+
+
+def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float[Array, "... 2"]:
+    """Points at given distances along a polyline, clamped to its ends (domain units)."""
+    steps = jnp.sqrt(jnp.sum((polyline[1:] - polyline[:-1]) ** 2, axis=-1))
+    position = jnp.broadcast_to(polyline[0], (*jnp.shape(distance), 2))
+    done = jnp.zeros((), polyline.dtype)
+    for i in range(polyline.shape[0] - 1):
+        share = jnp.clip((distance - done) / jnp.maximum(steps[i], 1e-12), 0.0, 1.0)[..., None]
+        position = position + share * (polyline[i + 1] - polyline[i])
+        done = done + steps[i]
+    return position
+
+
+def positions(state: State, speeds: Float[Array, " m"]) -> Float[Array, "m 2"]:
+    """Where every agent is at `state.time`; one that has stopped stays where it is."""
+    travelled = (state.time - state.departure) * speeds
+    return jax.vmap(along)(state.leg, travelled)
