@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 FLOORS = (
-    ("typing", "errors"),
+    ("typing", "errors", "devices"),
     ("scenario", "scenario_checks", "scenario_io"),
     ("fields", "belief", "roadmap", "team"),
     ("simulator",),
@@ -94,9 +94,7 @@ def imports(package: Path) -> list[Import]:
             for module, member in targets(node, importer, path.name == "__init__.py"):
                 submodule = f"{module}.{member}"
                 where = f"{path.relative_to(package.parent)}:{getattr(node, 'lineno', 0)}"
-                found.append(
-                    Import(importer, submodule if submodule in known else module, where, at_import_time)
-                )
+                found.append(Import(importer, submodule if submodule in known else module, where, at_import_time))
     return found
 
 
@@ -156,9 +154,7 @@ def undeclared(package: Path, core: set[str], extras: set[str]) -> list[str]:
         if top == package.name or top in core or top in sys.stdlib_module_names:
             continue
         if top not in extras:
-            found.append(
-                f"{i.where}: {top} is neither a dependency nor in the extras geo, rl, train of pyproject.toml"
-            )
+            found.append(f"{i.where}: {top} is neither a dependency nor in the extras geo, rl, train of pyproject.toml")
         elif i.at_import_time and (room(i.importer) != "adapters" or i.importer.count(".") == 1):
             found.append(f"{i.where}: {top} is an extra: import it in the function that needs it")
     return found

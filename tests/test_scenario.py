@@ -143,9 +143,7 @@ def test_what_is_wrong_is_said(values, said):
 
 
 def test_the_bounds_themselves_are_right():
-    Scenario(
-        agents=1, grid=2, nodes=2, neighbours=1, noise=0, beta=0, threshold=-1, mixture_components=(1, 1)
-    )
+    Scenario(agents=1, grid=2, nodes=2, neighbours=1, noise=0, beta=0, threshold=-1, mixture_components=(1, 1))
     Scenario(start=(2, 0), extent=(2, 1), mixture_variance=(1e-4, 1e-4), measurement_interval=3)
 
 
@@ -153,9 +151,7 @@ def test_the_longest_budget_bounds_the_measurement_interval():
     assert Scenario(budget=(0.1, 0.1, 0.5), measurement_interval=0.5).measurements_per_agent == 1
 
 
-@pytest.mark.parametrize(
-    "budget, slots", [(3, 15), (0.2, 1), (0.6, 3), (0.7, 3), (1.4, 7), ((0.1, 1, 0.2), 5)]
-)
+@pytest.mark.parametrize("budget, slots", [(3, 15), (0.2, 1), (0.6, 3), (0.7, 3), (1.4, 7), ((0.1, 1, 0.2), 5)])
 def test_the_measurement_at_exactly_the_budget_counts(budget, slots):
     scenario = Scenario(budget=budget)
     assert scenario.measurements_per_agent == slots  # 0.6 / 0.2 is 2.9999999999999996

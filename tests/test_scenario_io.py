@@ -24,9 +24,7 @@ lengths = st.floats(1e-3, 1e3)
 positions = st.tuples(st.floats(0, 1), st.floats(0, 1))
 polygons = st.lists(st.tuples(lengths, lengths), min_size=3, max_size=5, unique=True).map(tuple)
 # Whatever a file may be called, not least what YAML would take for something else.
-paths = st.text(
-    st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1
-) | st.sampled_from(
+paths = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1) | st.sampled_from(
     [
         "null",
         "~",
@@ -250,9 +248,7 @@ def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch, broken):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, broken, full)
-    with pytest.raises(
-        InputError, match=r"survey\.yaml: cannot write the scenario: No space left on device$"
-    ):
+    with pytest.raises(InputError, match=r"survey\.yaml: cannot write the scenario: No space left on device$"):
         save_scenario(Scenario(agents=3), file)
     assert load_scenario(file).agents == 2
     assert os.listdir(tmp_path) == ["survey.yaml"]

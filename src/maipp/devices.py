@@ -21,6 +21,10 @@ def use_all_cores(cores: int | None = None) -> None:
     if cores is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), _THREADS_PER_DEVICE * cores))
+    # The Cholesky factors come from OpenBLAS, whose own threads would spin against the devices (measured: 12 times
+    # slower). It reads this when it is loaded, so it works for the command line, and for a library user who calls
+    # this function before importing SciPy.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Each device already keeps a core busy; letting every matrix product spread over all cores only adds waiting.
     flags = os.environ.get("XLA_FLAGS", "")
     if "xla_cpu_multi_thread_eigen" not in flags:

@@ -30,11 +30,7 @@ class ScenarioError(InputError):
         self.key, self.problem, self.where = key, problem, where
 
     def __str__(self) -> str:
-        return (
-            f"{self.where}: {self.key}: {self.problem}"
-            if self.where
-            else f"scenario.{self.key}: {self.problem}"
-        )
+        return f"{self.where}: {self.key}: {self.problem}" if self.where else f"scenario.{self.key}: {self.problem}"
 
 
 class Quantity(NamedTuple):

@@ -42,9 +42,7 @@ def show(value: object) -> str:
 def nearest(name: str, names: list[str]) -> str:
     """What to say of a name that is none of `names`: the one that was probably meant, else all of them."""
     near = difflib.get_close_matches(name.lower(), names, n=1)
-    return (
-        f"no such field; did you mean {near[0]}?" if near else f"no such field; there are {', '.join(names)}"
-    )
+    return f"no such field; did you mean {near[0]}?" if near else f"no such field; there are {', '.join(names)}"
 
 
 def _items(value: Any) -> list[Any] | None:

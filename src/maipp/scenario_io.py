@@ -103,15 +103,11 @@ def _pairs(text: str, source: str) -> Iterator[tuple[str, Any, int]]:
         if root is None or (isinstance(root, yaml.ScalarNode) and not root.value):
             raise InputError(f"{source}: empty file; `maipp scenario` prints a full one to start from")
         if not isinstance(root, yaml.MappingNode):
-            raise InputError(
-                f"{source}:{root.start_mark.line + 1}: not a mapping; give lines of `field: value`"
-            )
+            raise InputError(f"{source}:{root.start_mark.line + 1}: not a mapping; give lines of `field: value`")
         for key, content in root.value:
             line = key.start_mark.line + 1
             if not isinstance(key, yaml.ScalarNode):
-                raise InputError(
-                    f"{source}:{line}: the key is not a plain word; give lines of `field: value`"
-                )
+                raise InputError(f"{source}:{line}: the key is not a plain word; give lines of `field: value`")
             try:
                 value = loader.construct_object(content, deep=True)
             except (ValueError, KeyError):  # `!!int three`, or a number of 5000 digits
@@ -173,13 +169,9 @@ def with_field_table(page: str) -> str:
     before, begin, rest = page.partition("<!-- fields -->\n")
     _, end, after = rest.partition("<!-- /fields -->")
     if not end:
-        raise InputError(
-            "the page has no place for the table; give <!-- fields --> and <!-- /fields --> lines"
-        )
+        raise InputError("the page has no place for the table; give <!-- fields --> and <!-- /fields --> lines")
     return f"{before}{begin}\n{table}\n\n{end}{after}"
 
 
 def _yaml(value: Any) -> str:
-    return yaml.dump(
-        value, Dumper=_Dumper, default_flow_style=None, allow_unicode=True, sort_keys=False, width=10**9
-    )
+    return yaml.dump(value, Dumper=_Dumper, default_flow_style=None, allow_unicode=True, sort_keys=False, width=10**9)

@@ -13,9 +13,7 @@ TABLE = [(x, y, VALUES[j, i]) for j, y in enumerate(Y) for i, x in enumerate(X)]
 
 def write_csv(path, rows, header: str | None = "x,y,value", separator=","):
     lines = [header] if header else []
-    lines += [
-        separator.join(cell if isinstance(cell, str) else repr(float(cell)) for cell in row) for row in rows
-    ]
+    lines += [separator.join(cell if isinstance(cell, str) else repr(float(cell)) for cell in row) for row in rows]
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -84,9 +82,7 @@ def csv_comment_header_and_mark(path):
 
 
 def csv_rounded_coordinates(path):
-    rows = [
-        (np.nextafter(x, np.inf) if k % 3 == 2 and k > 4 else x, y, v) for k, (x, y, v) in enumerate(TABLE)
-    ]
+    rows = [(np.nextafter(x, np.inf) if k % 3 == 2 and k > 4 else x, y, v) for k, (x, y, v) in enumerate(TABLE)]
     return load_raster(write_csv(path / "f.csv", rows))
 
 

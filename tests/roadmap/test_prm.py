@@ -74,9 +74,7 @@ def test_neighbours_are_the_nearest_others(seed, count, data):
     assert not (roadmap.neighbours == np.arange(count)[:, None]).any()
     assert all(len(set(row)) == width for row in roadmap.neighbours.tolist())
     gap = np.linalg.norm(nodes[:, None] - nodes, axis=-1)
-    np.testing.assert_allclose(
-        roadmap.distances, gap[np.arange(count)[:, None], roadmap.neighbours], atol=1e-15
-    )
+    np.testing.assert_allclose(roadmap.distances, gap[np.arange(count)[:, None], roadmap.neighbours], atol=1e-15)
     np.fill_diagonal(gap, np.inf)
     np.testing.assert_allclose(roadmap.distances, np.sort(gap, axis=1)[:, :width], atol=1e-15)
 
@@ -91,8 +89,7 @@ def test_kept_edges_never_enter_an_obstacle_and_are_the_nearest_in_sight(seed):
     for i, node in enumerate(roadmap.nodes):
         legs = [LineString([node, other]) for other in roadmap.nodes]
         visible = [
-            not any(leg.intersection(p).length > 1e-12 for p in polygons) and j != i
-            for j, leg in enumerate(legs)
+            not any(leg.intersection(p).length > 1e-12 for p in polygons) and j != i for j, leg in enumerate(legs)
         ]
         nearest = sorted((leg.length, j) for j, leg in enumerate(legs) if visible[j])[:6]
         kept = roadmap.reachable[i]

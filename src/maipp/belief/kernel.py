@@ -11,9 +11,7 @@ _SQRT3 = 3.0**0.5
 class Matern32(eqx.Module):
     """Matern 3/2 covariance `variance * (1 + sqrt(3) r / l) exp(-sqrt(3) r / l)` (Yang et al. 2023, Sec. III-A)."""
 
-    length_scale: (
-        float | Float[Array, ""] | Float[Array, "2"]
-    )  # domain units; one per axis makes it anisotropic
+    length_scale: float | Float[Array, ""] | Float[Array, "2"]  # domain units; one per axis makes it anisotropic
     variance: float | Float[Array, ""] = 1.0  # prior variance of the field, squared field units
 
     def __call__(self, a: Float[Array, "*a 2"], b: Float[Array, "*b 2"]) -> Float[Array, "..."]:

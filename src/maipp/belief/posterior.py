@@ -42,9 +42,7 @@ class Belief(eqx.Module):
         return covariance @ self.inverse_factor.T
 
 
-def _factor(
-    gram: Float[Array, "n n"], noise: Float[Array, ""]
-) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+def _factor(gram: Float[Array, "n n"], noise: Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
     """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or the least multiple that stays finite."""
     identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
 
@@ -171,24 +169,18 @@ def extend(
     rows = jnp.where(mask[:, None], belief.whiten(x), 0.0)  # (p, n) L^-1 k(X, x)
     prior = jnp.asarray(belief.kernel.variance, x.dtype)
     pair = mask[:, None] & mask[None, :]
-    schur = jnp.where(pair, belief.kernel.matrix(x, x) - rows @ rows.T, 0.0) + jnp.diag(
-        jnp.where(mask, 0.0, prior)
-    )
+    schur = jnp.where(pair, belief.kernel.matrix(x, x) - rows @ rows.T, 0.0) + jnp.diag(jnp.where(mask, 0.0, prior))
     factor, _ = _factor(schur, belief.noise)
     identity = jnp.eye(x.shape[0], dtype=x.dtype)
     inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
-    cross = jnp.where(
-        mask[:, None], belief.kernel.matrix(x, belief.query) - rows @ belief.whitened_query, 0.0
-    )
+    cross = jnp.where(mask[:, None], belief.kernel.matrix(x, belief.query) - rows @ belief.whitened_query, 0.0)
     query_rows = inverse @ cross
     n, p = belief.x.shape[0], x.shape[0]
     inverse_factor = jnp.zeros((n + p, n + p), x.dtype)
     inverse_factor = inverse_factor.at[:n, :n].set(belief.inverse_factor)
     inverse_factor = inverse_factor.at[n:, :n].set(-inverse @ (rows @ belief.inverse_factor))
     inverse_factor = inverse_factor.at[n:, n:].set(inverse)
-    innovation = (
-        jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
-    )
+    innovation = jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
     values = inverse @ innovation.astype(x.dtype)
     return Belief(
         kernel=belief.kernel,

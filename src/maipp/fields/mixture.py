@@ -7,9 +7,7 @@ import jax.numpy as jnp
 from maipp.typing import Array, Bool, Float, Key
 
 
-def evaluation_grid(
-    points_per_side: int = 30, extent: tuple[float, float] = (1.0, 1.0)
-) -> Float[Array, "q 2"]:
+def evaluation_grid(points_per_side: int = 30, extent: tuple[float, float] = (1.0, 1.0)) -> Float[Array, "q 2"]:
     """The evaluation grid, both ends included, x slowest: row `ix * points_per_side + iy` (domain units)."""
     x, y = (jnp.linspace(0.0, side, points_per_side) for side in extent)
     return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)

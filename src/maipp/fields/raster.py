@@ -118,9 +118,7 @@ class Raster(eqx.Module):
                     "drop one or set JAX_ENABLE_X64=1"
                 )
         if not np.isfinite(np.asarray(values)).all():
-            raise InputError(
-                f"{data.source}: low={low:g} and high={high:g} are so close that the values overflow"
-            )
+            raise InputError(f"{data.source}: low={low:g} and high={high:g} are so close that the values overflow")
         return cls(values=values, x=x, y=y, mapping=mapping)
 
     @property
@@ -138,9 +136,7 @@ class Raster(eqx.Module):
         return lower_edge * (1 - upper) + upper_edge * upper
 
 
-def _locate(
-    axis: Float[Array, " k"], position: Float[Array, " n"]
-) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
+def _locate(axis: Float[Array, " k"], position: Float[Array, " n"]) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
     """The cell of each position along an ascending axis, and how far through that cell it lies (0..1)."""
     cell = jnp.clip(jnp.searchsorted(axis, position, side="right") - 1, 0, axis.shape[0] - 2)
     inside = jnp.clip(position, axis[0], axis[-1])
@@ -152,9 +148,7 @@ def _domain(
 ) -> tuple[float, float]:
     if extent is not None:
         if geographic:
-            raise InputError(
-                f"{data.source}: give extent or geographic, not both; extent fixes the aspect ratio"
-            )
+            raise InputError(f"{data.source}: give extent or geographic, not both; extent fixes the aspect ratio")
         if len(extent) != 2 or not all(math.isfinite(side) and side > 0 for side in extent):
             raise InputError(
                 f"{data.source}: extent must be the domain's (width, height), both above 0; got "

@@ -39,9 +39,7 @@ def parse_csv(path: Path) -> tuple[list[str] | None, np.ndarray, list[int]]:
                 continue
         width = len(header or (rows[0] if rows else cells))
         if len(cells) != width:
-            raise InputError(
-                f"{path}, line {number}: {len(cells)} values where the lines before have {width}"
-            )
+            raise InputError(f"{path}, line {number}: {len(cells)} values where the lines before have {width}")
         try:
             rows.append([float(cell) for cell in cells])
         except ValueError:
@@ -81,9 +79,7 @@ def grid_from_rows(
     bad = np.argwhere(~np.isfinite(table[:, :2]))
     if len(bad):
         row, column = bad[0]
-        raise InputError(
-            f"{path}, line {lines[row]}: coordinate {'xy'[column]} is {table[row, column]}, not finite"
-        )
+        raise InputError(f"{path}, line {lines[row]}: coordinate {'xy'[column]} is {table[row, column]}, not finite")
     hint = "" if names[0] else " (three columns are read as x,y,value; save a three-column matrix as .npy)"
     x, ix = _distinct(table[:, 0])
     y, iy = _distinct(table[:, 1])

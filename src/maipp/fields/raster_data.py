@@ -54,9 +54,7 @@ class RasterData:
                 f"x={x[col]:.10g}, y={y[row]:.10g}), {len(bad)} such in all; fill the gaps before loading"
             )
         if values.min() == values.max():
-            raise InputError(
-                f"{self.source}: every value is {values.flat[0]:g}; a constant field cannot be rescaled"
-            )
+            raise InputError(f"{self.source}: every value is {values.flat[0]:g}; a constant field cannot be rescaled")
         if x[0] > x[-1]:
             x, values = x[::-1], values[:, ::-1]
         if y[0] > y[-1]:

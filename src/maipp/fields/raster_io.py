@@ -16,9 +16,7 @@ from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, numer
 BROKEN = (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
-def load_raster(
-    path: str | Path, *, value: str | None = None, extent: Sequence[float] | None = None
-) -> RasterData:
+def load_raster(path: str | Path, *, value: str | None = None, extent: Sequence[float] | None = None) -> RasterData:
     """The grid stored in a .npz, .npy or .csv file, with its coordinates in the file's own units.
 
     `value` names the array of an .npz, or the column of a CSV with a header, where the choice is not obvious.
@@ -77,9 +75,7 @@ def _read_npz(path: Path, value: str | None, extent: Sequence[float] | None) -> 
         return _without_coordinates(path, grid, extent, value_name=chosen)
     if x_key is None or y_key is None:
         have, lack = (y_key, X_NAMES) if x_key is None else (x_key, Y_NAMES)
-        raise InputError(
-            f"{path}: has coordinate '{have}' but not the other; add one named {' or '.join(lack)}"
-        )
+        raise InputError(f"{path}: has coordinate '{have}' but not the other; add one named {' or '.join(lack)}")
     _refuse_extent(path, extent)
     x, y = (numeric(arrays[key], str(path), key) for key in (x_key, y_key))
     # Coordinates saved as a mesh: the same row (column) repeated.
@@ -121,9 +117,7 @@ def _without_coordinates(
     path: Path, values: np.ndarray, extent: Sequence[float] | None, value_name: str | None = None
 ) -> RasterData:
     if values.ndim != 2:
-        raise InputError(
-            f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions"
-        )
+        raise InputError(f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions")
     rows, cols = values.shape
     if extent is None:
         x, y = np.arange(cols, dtype=float), np.arange(rows, dtype=float)

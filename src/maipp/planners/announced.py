@@ -29,6 +29,4 @@ def with_announced(observation: Observation, announced: Announcement, virtual_va
     """
     future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
     valid = future & jnp.isfinite(announced.times) & observation.heard[:, None]
-    return extend(
-        observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value
-    )
+    return extend(observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value)

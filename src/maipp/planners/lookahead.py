@@ -42,9 +42,7 @@ class VirtualMeasurements(NamedTuple):
 
     rows: Float[Array, "c h q"]  # what each would add to V
     whitened: Float[Array, "c h n"]  # L^-1 k(X, p)
-    factor: list[
-        list[Float[Array, " c"]]
-    ]  # lower triangular Cholesky factor of the candidates' own covariance
+    factor: list[list[Float[Array, " c"]]]  # lower triangular Cholesky factor of the candidates' own covariance
 
 
 def virtual_measurements(
@@ -77,9 +75,7 @@ def virtual_measurements(
     return VirtualMeasurements(jnp.stack(rows, axis=1), whitened, factor)
 
 
-def predicted_variance(
-    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
-) -> Float[Array, "c q"]:
+def predicted_variance(belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]) -> Float[Array, "c q"]:
     """Variance at the query points after each candidate's measurements."""
     rows = virtual_measurements(belief, points, taken).rows
     return jnp.maximum(belief.variance - jnp.sum(rows * rows, axis=1), 0.0)

@@ -94,9 +94,7 @@ class SgaRrt(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first part of the best path of a fresh tree."""
-        offsets = measurement_offsets(
-            observation.to_next_measurement, self.scenario.measurement_interval, self.horizon
-        )
+        offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.horizon)
         tree = grow_tree(
             key,
             observation.position,
@@ -128,9 +126,7 @@ class SgaRrt(Planner):
         return Decision(waypoints, Announcement(tree.marks[best], times), memory)
 
 
-def _first_part(
-    start: Float[Array, "2"], vertices: Float[Array, "w 2"], length: float
-) -> Float[Array, "w 2"]:
+def _first_part(start: Float[Array, "2"], vertices: Float[Array, "w 2"], length: float) -> Float[Array, "w 2"]:
     """The path's vertices, cut where it is `length` long."""
     path = jnp.concatenate([start[None], vertices])
     reach = jnp.cumsum(jnp.sqrt(jnp.sum((path[1:] - path[:-1]) ** 2, axis=-1)))

@@ -28,9 +28,7 @@ def normalised_laplacian(roadmap: Roadmap) -> Float[np.ndarray, "*batch n n"]:
     adjacency = np.maximum(adjacency, np.swapaxes(adjacency, -1, -2))
     degree = adjacency.sum(axis=-1)
     scale = np.where(degree > 0, 1 / np.sqrt(np.maximum(degree, 1)), 0.0)
-    return np.eye(degree.shape[-1]) * (degree > 0)[..., None] - (
-        scale[..., :, None] * adjacency * scale[..., None, :]
-    )
+    return np.eye(degree.shape[-1]) * (degree > 0)[..., None] - (scale[..., :, None] * adjacency * scale[..., None, :])
 
 
 def laplacian_encoding(roadmap: Roadmap, dimensions: int = 32) -> Float[np.ndarray, "*batch n {dimensions}"]:
@@ -53,9 +51,7 @@ def laplacian_encoding(roadmap: Roadmap, dimensions: int = 32) -> Float[np.ndarr
     return encoding.reshape(*batch, count, dimensions)
 
 
-def flip_signs(
-    key: Key, encoding: Float[AnyArray, "*batch n dimensions"]
-) -> Float[Array, "*batch n dimensions"]:
+def flip_signs(key: Key, encoding: Float[AnyArray, "*batch n dimensions"]) -> Float[Array, "*batch n dimensions"]:
     """The encoding with the sign of each eigenvector of each roadmap drawn at random.
 
     For training: an eigenvector has no sign of its own, and the policy must not rely on the one it was given.

@@ -11,9 +11,7 @@ from shapely.validation import explain_validity
 from maipp.errors import InputError
 from maipp.typing import Bool, Float
 
-Vertices = (
-    Sequence[Sequence[float]] | np.ndarray
-)  # (v, 2) positions, domain units, in order around the border
+Vertices = Sequence[Sequence[float]] | np.ndarray  # (v, 2) positions, domain units, in order around the border
 
 
 class Obstacles:
@@ -43,9 +41,7 @@ class Obstacles:
         """Whether each point lies outside every obstacle's interior (a point on a border is free)."""
         return ~shapely.contains_xy(self.union, points[:, 0], points[:, 1])
 
-    def crosses(
-        self, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"]
-    ) -> Bool[np.ndarray, " n"]:
+    def crosses(self, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
         """Whether each leg from `start` to `end` enters an obstacle's interior; touching does not count."""
         if not self.polygons:
             return np.zeros(len(start), dtype=bool)

@@ -40,9 +40,7 @@ class Roadmap(eqx.Module):
     reachable: Bool[AnyArray, "*batch n k"]  # False where an obstacle blocks the edge
 
 
-def build_roadmap(
-    nodes: Float[AnyArray, "*batch n 2"], neighbours: int, obstacles: ObstaclesLike = ()
-) -> Roadmap:
+def build_roadmap(nodes: Float[AnyArray, "*batch n 2"], neighbours: int, obstacles: ObstaclesLike = ()) -> Roadmap:
     """The roadmap that joins each given node to its `neighbours` nearest others in sight.
 
     `nodes[..., 0, :]` is the start. Raises InputError for nodes that are not finite and for `neighbours`
@@ -87,9 +85,7 @@ def sample_roadmap(
     free, and as `build_roadmap`.
     """
     starts = np.asarray(start, dtype=np.float64)[None]
-    roadmap = sample_roadmaps(
-        rng, starts, nodes=nodes, neighbours=neighbours, extent=extent, obstacles=obstacles
-    )
+    roadmap = sample_roadmaps(rng, starts, nodes=nodes, neighbours=neighbours, extent=extent, obstacles=obstacles)
     return Roadmap(roadmap.nodes[0], roadmap.neighbours[0], roadmap.distances[0], roadmap.reachable[0])
 
 
@@ -157,9 +153,7 @@ def _nearest(tree: KDTree, rows: np.ndarray, count: int) -> tuple[np.ndarray, np
     return order[~is_self].reshape(-1, count), distances[~is_self].reshape(-1, count)
 
 
-def _nearest_in_sight(
-    nodes: np.ndarray, count: int, obstacles: Obstacles
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _nearest_in_sight(nodes: np.ndarray, count: int, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The `count` nearest others in sight, their distances, False where hidden ones fill up: (n, count)."""
     tree = KDTree(nodes)
     order = np.empty((len(nodes), count), dtype=np.int32)
@@ -214,9 +208,7 @@ def _reachable_region(start: np.ndarray, size: np.ndarray, obstacles: Obstacles)
     return region
 
 
-def _sample_region(
-    rng: np.random.Generator, count: int, size: np.ndarray, region: BaseGeometry
-) -> np.ndarray:
+def _sample_region(rng: np.random.Generator, count: int, size: np.ndarray, region: BaseGeometry) -> np.ndarray:
     """`count` uniform points of the region's interior, (count, 2), by rejection."""
     shapely.prepare(region)
     share = region.area / size.prod()

@@ -37,9 +37,7 @@ class Observation(eqx.Module):
 class Decision(eqx.Module):
     """A planner's answer: the polyline to travel before deciding again, and what to tell the others."""
 
-    waypoints: Float[
-        Array, "w 2"
-    ]  # straight legs through these, domain units; repeat the last one to go less far
+    waypoints: Float[Array, "w 2"]  # straight legs through these, domain units; repeat the last one to go less far
     message: PyTree  # same structure as `Planner.empty_message()`
     memory: PyTree  # same structure as `Planner.initial_memory()`
     stop: Bool[Array, ""] | bool = False  # True ends this agent's mission here

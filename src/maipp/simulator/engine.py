@@ -62,9 +62,7 @@ def hear(scenario: Scenario, mission: Mission, state: State, agent: Index) -> tu
     return _replace(state, known=known), within & (everyone != agent)
 
 
-def observe(
-    scenario: Scenario, mission: Mission, state: State, agent: Index, heard: Bool[Array, " m"]
-) -> Observation:
+def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, heard: Bool[Array, " m"]) -> Observation:
     """What `agent` knows at `state.time`. Parts a planner does not read are never computed (dead code in XLA)."""
     x = state.measurement_x.reshape(-1, 2)
     y = state.measurement_y.reshape(-1)
@@ -115,7 +113,7 @@ def advance(
     capacity = route_capacity(scenario, planner)
     w = planner.waypoints_per_decision
     full = _pick(state.route_length, agent) + w > capacity
-    go = active & ~decision.stop & (length > DISTANCE_TOLERANCE) & ~full
+    go = active & ~jnp.asarray(decision.stop, bool) & (length > DISTANCE_TOLERANCE) & ~full
 
     # Count measurements rather than compare distances twice, so that none is lost or doubled by rounding.
     interval = scenario.measurement_interval

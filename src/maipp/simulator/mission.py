@@ -39,9 +39,7 @@ def _free_start(key: Key, scenario: Scenario, obstacles: Obstacles | None) -> Fl
     draws = np.asarray(jax.random.uniform(key, (256, 2))) * np.asarray(scenario.extent)
     free = np.ones(len(draws), bool) if obstacles is None else obstacles.free(draws)
     if not free.any():
-        raise ValueError(
-            "scenario.obstacles: they leave no room to start from (256 uniform draws all fell inside)"
-        )
+        raise ValueError("scenario.obstacles: they leave no room to start from (256 uniform draws all fell inside)")
     return jnp.asarray(draws[int(np.argmax(free))])
 
 
@@ -67,9 +65,7 @@ def draw_missions(
     keys = instance_keys(seed, instances)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     grid = evaluation_grid(scenario.grid, scenario.extent)
-    inside = (
-        jnp.ones(grid.shape[0], bool) if obstacles is None else jnp.asarray(obstacles.free(np.asarray(grid)))
-    )
+    inside = jnp.ones(grid.shape[0], bool) if obstacles is None else jnp.asarray(obstacles.free(np.asarray(grid)))
     if scenario.start is None:
         starts = jnp.stack([_free_start(jax.random.fold_in(key, 1), scenario, obstacles) for key in keys])
         starts = jnp.repeat(starts[:, None], scenario.agents, axis=1)

@@ -38,9 +38,7 @@ def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
     """Final states of missions stepped together until the last has stopped."""
     state = jax.vmap(partial(reset, scenario, planner))(missions)
     advance = jax.vmap(partial(step, scenario, planner))
-    return lax.while_loop(
-        lambda state: jnp.any(state.active), lambda state: advance(missions, state, keys), state
-    )
+    return lax.while_loop(lambda state: jnp.any(state.active), lambda state: advance(missions, state, keys), state)
 
 
 @eqx.filter_jit
@@ -56,9 +54,9 @@ def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: 
 
     mesh = Mesh(np.asarray(missions_devices()), ("missions",))
     split, whole = PartitionSpec("missions"), PartitionSpec()
-    return jax.shard_map(
-        per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False
-    )(arrays, missions, keys)
+    return jax.shard_map(per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False)(
+        arrays, missions, keys
+    )
 
 
 def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key) -> State:
