@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from maipp.belief.kernel import Matern32
@@ -139,9 +140,9 @@ def predict(belief: Belief, points: Float[Array, "p 2"]) -> tuple[Float[Array, "
 
 def posterior(
     kernel: Matern32,
-    x: Float[Array, "n 2"],
-    y: Float[Array, " n"],
-    query: Float[Array, "q 2"],
+    x: Float[Array | np.ndarray, "n 2"],
+    y: Float[Array | np.ndarray, " n"],
+    query: Float[Array | np.ndarray, "q 2"],
     noise: float = 1e-10,
 ) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
     """Posterior mean and variance at `query` after measuring `y` at `x` (paper Sec. III-A).
