@@ -1,0 +1,191 @@
+"""Planners by name, and their options from text."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maipp.errors import InputError
+from maipp.planners import make_planner, planner_names, planner_options, planner_summary, register, registry
+from maipp.scenario import Scenario
+
+SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
+
+PLANNER = '''
+from __future__ import annotations
+import equinox as eqx
+from typing import Literal
+from maipp.errors import InputError
+from maipp.simulator import Planner
+
+class Still(Planner):
+    """Stays where it is.
+
+    And more."""
+
+    size: float = eqx.field(static=True, default=0.5)
+    times: tuple[int, ...] = eqx.field(static=True, default=())
+    pair: tuple[float, float] = eqx.field(static=True, default=(0.0, 1.0))
+    loud: bool = eqx.field(static=True, default=False)
+    rows: int | None = eqx.field(static=True, default=None)
+    mode: Literal["slow", "fast"] = eqx.field(static=True, default="slow")
+    label: str = eqx.field(static=True, default="")
+
+    def check(self) -> None:
+        if not self.size > 0:
+            raise InputError(f"size: {self.size} is not a size; give a number > 0")
+
+class NotOne:
+    pass
+'''
+
+
+@pytest.fixture
+def still(tmp_path: Path) -> str:
+    (tmp_path / "still.py").write_text(PLANNER, encoding="utf-8")
+    return f"{tmp_path / 'still.py'}:Still"
+
+
+@pytest.fixture
+def clean_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_REGISTERED", dict(registry._REGISTERED))
+
+
+def test_the_registry_imports_no_jax():
+    code = "import sys, maipp.planners; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", planner_names())
+def test_every_name_leads_to_a_planner_with_options_that_it_accepts(name):
+    defaults = {option.name: option.default for option in planner_options(name)}
+    planner = make_planner(name, SCENARIO)
+    assert planner.scenario == SCENARIO
+    assert planner_summary(name)
+    assert make_planner(name, SCENARIO, defaults) == planner
+
+
+@pytest.mark.parametrize("name", planner_names())
+def test_every_option_can_be_typed(name):
+    for option in planner_options(name):
+        value = option.default
+        text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+        assert getattr(make_planner(name, SCENARIO, {option.name: text}), option.name) == value
+
+
+def test_a_name_may_preset_options():
+    assert make_planner("shared-greedy", SCENARIO).shared is True  # type: ignore[attr-defined]
+    assert make_planner("greedy", SCENARIO).shared is False  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "value"),
+    [
+        ("size", "2", 2.0),
+        ("size", 2, 2.0),
+        ("times", "3, 4,5", (3, 4, 5)),
+        ("times", "", ()),
+        ("times", [3], (3,)),
+        ("pair", "(0.3,0.4)", (0.3, 0.4)),
+        ("loud", "true", True),
+        ("loud", "No", False),
+        ("rows", "7", 7),
+        ("rows", "none", None),
+        ("mode", "fast", "fast"),
+        ("label", "none", "none"),
+    ],
+)
+def test_options_are_read_by_their_annotation(still, option, text, value):
+    got = getattr(make_planner(still, SCENARIO, {option: text}), option)
+    assert got == value and type(got) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "right"),
+    [
+        ("size", "big", "give a number"),
+        ("size", "nan", "give a number"),
+        ("size", True, "give a number"),
+        ("size", "-1", "give a number > 0"),
+        ("times", "1,x", "give a list such as 3,4"),
+        ("pair", "0.3", "give 2 values such as 0.3,0.4"),
+        ("pair", 0.3, "give 2 values such as 0.3,0.4"),
+        ("loud", "maybe", "give true or false"),
+        ("rows", "1.5", "give a whole number or none"),
+        ("mode", "warp", "give one of slow, fast"),
+        ("sise", "1", "did you mean size?"),
+        ("scenario", "1", "there are size, times, pair"),
+    ],
+)
+def test_a_bad_option_says_on_one_line_what_would_be_right(still, option, text, right):
+    with pytest.raises(InputError) as error:
+        make_planner(still, SCENARIO, {option: text})
+    assert right in str(error.value) and option in str(error.value) and "\n" not in str(error.value)
+
+
+@given(st.text())
+def test_any_text_is_read_or_refused(text):
+    for option in ("lengths", "nodes", "branch", text):
+        try:
+            make_planner("sga-rrt", SCENARIO, {option: text})
+        except InputError as error:
+            assert str(error)
+
+
+def test_an_unknown_planner_is_told_the_nearest():
+    with pytest.raises(InputError, match=r"no planner 'sga-rtt' \(did you mean sga-rrt\?\); there are random, greedy"):
+        make_planner("sga-rtt", SCENARIO)
+
+
+@pytest.mark.parametrize(
+    ("target", "problem"),
+    [
+        ("nowhere.py:Planner", "no file nowhere.py"),
+        ("maipp.nowhere:Planner", "No module named 'maipp.nowhere'"),
+        ("maipp.planners.greedy:Greedi", r"did you mean Greedy\?"),
+        (":Greedy", "no module before the colon"),
+        ("maipp.scenario:Scenario", "it is no planner"),
+    ],
+)
+def test_a_target_that_leads_nowhere_is_told_so(target, problem):
+    with pytest.raises(InputError, match=problem):
+        make_planner(target, SCENARIO)
+
+
+def test_a_class_that_is_no_planner_is_refused(still):
+    with pytest.raises(InputError, match="it is no planner"):
+        make_planner(still.replace("Still", "NotOne"), SCENARIO)
+
+
+@pytest.mark.parametrize(("code", "line"), [("x = 1\n1 / 0\n", 2), ("def f(:\n", 1)])
+def test_a_file_that_fails_names_the_line(tmp_path, code, line):
+    (tmp_path / "bad.py").write_text(code, encoding="utf-8")
+    with pytest.raises(InputError, match=rf"bad\.py:{line}: \w+Error: ") as error:
+        make_planner(f"{tmp_path / 'bad.py'}:Bad", SCENARIO)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_is_run_once_so_that_its_class_is_compiled_once(still):
+    assert type(make_planner(still, SCENARIO)) is type(make_planner(still, SCENARIO))
+
+
+def test_a_planner_of_ones_own_can_have_a_name(still, clean_registry):
+    register("big-still", still, size=9.0)
+    assert make_planner("big-still", SCENARIO).size == 9.0  # type: ignore[attr-defined]
+    assert make_planner("big-still", SCENARIO, {"size": "3"}).size == 3.0  # type: ignore[attr-defined]
+    assert planner_summary("big-still") == "Stays where it is."
+    assert {option.name: option.default for option in planner_options("big-still")}["size"] == 9.0
+
+
+def test_a_class_can_be_registered_itself(still, clean_registry):
+    register("still", type(make_planner(still, SCENARIO)), summary="stays")
+    assert make_planner("still", SCENARIO) == make_planner(still, SCENARIO)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "a:b"])
+def test_a_name_that_looks_like_a_target_is_refused(name, clean_registry):
+    with pytest.raises(InputError, match="give a word"):
+        register(name, "maipp.planners.greedy:Greedy")
