@@ -1,0 +1,96 @@
+"""The high-interest area and the measures over it: both rules, bad rules, bounds."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from maipp.belief import Interest, Matern32, condition, high_interest_area, mutual_information, rmse, trace
+from maipp.belief.interest import upper_confidence_bound
+
+SEEDS = st.integers(0, 2**32 - 1)
+QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+condition_ = eqx.filter_jit(condition)
+information_ = eqx.filter_jit(mutual_information)
+
+
+def test_the_two_rules_differ_where_the_deviation_exceeds_the_variance():
+    mean = jnp.array([0.0, 0.0, 0.39, 0.41, -0.5, 0.25])
+    variance = jnp.array([0.25, 0.16, 0.0, 0.0, 1.0, 0.09])
+    #        std: 0.5   0.4   0.39   0.41   0.5    0.55
+    np.testing.assert_array_equal(high_interest_area(mean, variance), [True, True, False, True, True, True])
+    #   variance: 0.25  0.16  0.39   0.41   0.5    0.34
+    by_variance = high_interest_area(mean, variance, rule="variance")
+    np.testing.assert_array_equal(by_variance, [False, False, False, True, True, False])
+    wide = high_interest_area(mean, variance, 1.0, 2.0, "std")
+    np.testing.assert_array_equal(wide, [True, False, False, False, True, False])
+
+
+@pytest.mark.parametrize("rule", ["Std", "", "sd"])
+def test_a_bad_rule_is_refused(rule):
+    with pytest.raises(ValueError, match=f"rule='{rule}'.*'std' or 'variance'"):
+        high_interest_area(jnp.zeros(3), jnp.ones(3), rule=rule)
+    with pytest.raises(ValueError, match="'std' or 'variance'"):
+        Interest(rule=rule).trace(jnp.zeros(3), jnp.ones(3), jnp.ones(3, bool))
+
+
+values = hnp.arrays(np.float32, (3, 25), elements=st.floats(-2, 2, width=32))
+spreads = hnp.arrays(np.float32, (3, 25), elements=st.floats(0, 1, width=32))
+
+
+@given(values, spreads, hnp.arrays(bool, 25), st.sampled_from(["std", "variance"]), st.floats(0, 3))
+def test_interest_traces_its_own_area(mean, variance, inside, rule, beta):
+    """Leading axes are kept, points outside the survey area never count."""
+    interest = Interest(0.4, beta, rule)
+    mean, variance = jnp.asarray(mean), jnp.asarray(variance)
+    area = np.asarray(high_interest_area(mean, variance, 0.4, beta, rule)) & inside
+    np.testing.assert_array_equal(interest.area(mean, variance, jnp.asarray(inside)), area)
+    expected = np.where(area, variance, 0.0).astype(np.float64).sum(axis=1)
+    np.testing.assert_allclose(interest.trace(mean, variance, jnp.asarray(inside)), expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(trace(variance[0], jnp.asarray(area[0])), expected[0], rtol=1e-5, atol=1e-6)
+
+
+def test_a_variance_rounded_below_zero_does_not_drop_a_point():
+    assert bool(high_interest_area(jnp.array(0.5), jnp.array(-1e-9)))
+    assert float(upper_confidence_bound(jnp.array(0.5), jnp.array(-1e-9), 1.0, "std")) == 0.5
+
+
+def test_rmse_counts_the_survey_area_only():
+    mean, truth = jnp.array([0.0, 1.0, 2.0, 9.0]), jnp.array([1.0, 1.0, 4.0, 0.0])
+    inside = jnp.array([True, True, True, False])
+    assert float(rmse(mean, truth, inside)) == pytest.approx(np.sqrt(5 / 3))
+    assert float(rmse(mean, truth, jnp.zeros(4, bool))) == 0.0
+
+
+@given(SEEDS, st.sampled_from([0.01, 1.0]))
+def test_mutual_information_is_half_the_log_determinant_and_never_negative(seed, scale):
+    rng = np.random.default_rng(seed)
+    x, mask = rng.random((6, 2)), rng.random(6) < 0.5
+    area = rng.random(25) < rng.random()
+    with jax.enable_x64(True):
+        kernel = Matern32(0.45)
+        belief = condition_(kernel, *map(jnp.asarray, (x, np.zeros(6), mask, QUERY)), 1e-6)
+        found = float(information_(belief, jnp.asarray(area), scale))
+        cross = np.asarray(kernel.matrix(jnp.asarray(x[mask]), jnp.asarray(QUERY[area])))
+        gram = np.asarray(kernel.matrix(jnp.asarray(x[mask]), jnp.asarray(x[mask]))) + 1e-6 * np.eye(mask.sum())
+        prior = np.asarray(kernel.matrix(jnp.asarray(QUERY[area]), jnp.asarray(QUERY[area])))
+    covariance = prior - cross.T @ np.linalg.solve(gram, cross)
+    expected = 0.5 * np.linalg.slogdet(np.eye(area.sum()) + scale * covariance)[1] if area.any() else 0.0
+    assert found == pytest.approx(expected, abs=1e-8)
+    assert found >= 0.0
+
+
+@given(SEEDS)
+def test_mutual_information_in_float32(seed):
+    rng = np.random.default_rng(seed)
+    x, area = rng.random((6, 2)), jnp.asarray(rng.random(25) < 0.7)
+    x, query = jnp.asarray(x, jnp.float32), jnp.asarray(QUERY, jnp.float32)
+    masks = (jnp.zeros(6, bool), jnp.ones(6, bool))
+    beliefs = (condition_(Matern32(0.45), x, jnp.zeros(6), mask, query) for mask in masks)
+    before, after = (float(information_(belief, area)) for belief in beliefs)
+    # What is left to learn shrinks as measurements come in, and is never less than nothing.
+    assert -1e-6 <= after <= before + 1e-6

@@ -1,0 +1,46 @@
+"""The Matern 3/2 covariance: against scikit-learn, and the flat top that gradients need."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from maipp.belief import Matern32
+
+A = np.random.default_rng(0).uniform(-1.0, 2.0, (7, 2))
+B = np.random.default_rng(1).uniform(-1.0, 2.0, (5, 2))
+SCALES = st.floats(0.05, 5.0)
+
+
+@given(st.one_of(SCALES, st.tuples(SCALES, SCALES)), st.floats(0.1, 10.0))
+def test_matrix_is_that_of_scikit_learn(length_scale, variance):
+    reference = ConstantKernel(variance) * Matern(length_scale, nu=1.5)
+    with jax.enable_x64(True):
+        kernel = Matern32(jnp.asarray(length_scale), variance)
+        matrix = kernel.matrix(jnp.asarray(A), jnp.asarray(B))
+        np.testing.assert_allclose(matrix, reference(A, B), rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(kernel(jnp.asarray(A[:5]), jnp.asarray(B)), np.diagonal(reference(A[:5], B)))
+
+
+@pytest.mark.parametrize("length_scale", [0.45, (0.3, 0.9)])
+def test_gradient_at_distance_zero_is_zero(length_scale):
+    """The covariance is smooth at its top: a measurement moved onto another one must not turn gradients into NaN."""
+    kernel = Matern32(jnp.asarray(length_scale), 2.0)
+    here = jnp.array([0.3, 0.7])
+    np.testing.assert_array_equal(jax.grad(lambda p: kernel(p, here))(here), 0.0)
+    assert kernel(here, here) == 2.0
+
+
+def test_gradient_is_that_of_finite_differences():
+    with jax.enable_x64(True):
+        kernel = Matern32(0.45)
+        there = jnp.array([0.2, 0.5])
+        point, step = np.array([0.3, 0.7]), 1e-6
+        slope = [
+            (kernel(jnp.asarray(point + d), there) - kernel(jnp.asarray(point - d), there)) / (2 * step)
+            for d in step * np.eye(2)
+        ]
+        np.testing.assert_allclose(jax.grad(lambda p: kernel(p, there))(jnp.asarray(point)), slope, rtol=1e-7)

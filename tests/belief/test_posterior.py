@@ -1,0 +1,301 @@
+"""The posterior: reference vectors, scikit-learn, and the identities that conditioning must keep."""
+
+from functools import partial
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from maipp.belief import (
+    Matern32,
+    append,
+    condition,
+    extend,
+    high_interest_area,
+    mutual_information,
+    posterior,
+    predict,
+    rmse,
+    trace,
+)
+
+SEEDS = st.integers(0, 2**32 - 1)
+KERNEL = Matern32(0.45)
+SLOTS, NEW = 10, 4
+QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+
+# One shape for the whole module, so that each of these compiles once per precision.
+condition_ = eqx.filter_jit(condition)
+append_ = eqx.filter_jit(append)
+extend_ = eqx.filter_jit(extend)
+predict_ = eqx.filter_jit(predict)
+
+
+@pytest.fixture(scope="module")
+def vectors():
+    with np.load(Path(__file__).parents[1] / "data" / "gp_vectors.npz") as file:
+        return dict(file)
+
+
+def reference(vectors, f):
+    """Grid, measurements and the reference posterior, flattened."""
+    keys = (f"meas{f}_x", f"meas{f}_y", f"post{f}_mean", f"post{f}_std", f"post{f}_mask", f"field{f}_grid")
+    x, y, *grids = (vectors[key] for key in keys)
+    return x, y, *(array.reshape(-1) for array in grids)
+
+
+@pytest.mark.parametrize("f", [0, 1, 2])
+def test_float64_matches_the_reference_vectors(vectors, f):
+    x, y, mean, std, mask, truth = reference(vectors, f)
+    with jax.enable_x64(True):
+        grid = jnp.asarray(vectors["grid"])
+        belief = condition_(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.ones(len(x), bool), grid, 1e-10)
+        assert belief.mean.dtype == jnp.float64
+        area = high_interest_area(belief.mean, belief.variance)
+        np.testing.assert_allclose(belief.mean, mean, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(belief.variance, std**2, rtol=0, atol=1e-8)
+        # At a measured point the standard deviation is the root of a difference that cancels, so it gets less.
+        np.testing.assert_allclose(belief.std, std, rtol=0, atol=1e-7)
+        np.testing.assert_array_equal(area, mask)
+        inside = jnp.ones(len(grid), bool)
+        found = {
+            "trace_high": trace(belief.variance, area),
+            "trace_all": trace(belief.variance, inside),
+            "rmse": rmse(belief.mean, jnp.asarray(truth), inside),
+            "mi_high": mutual_information(belief, area),
+        }
+        for name, value in found.items():
+            assert float(value) == pytest.approx(float(vectors[f"post{f}_{name}"]), abs=1e-8), name
+
+
+@pytest.mark.parametrize("f", [0, 1, 2])
+def test_float32_with_the_default_nugget_gives_the_reference_trace(vectors, f):
+    x, y, mean, std, mask, _ = reference(vectors, f)
+    grid = jnp.asarray(vectors["grid"], jnp.float32)
+    belief = condition_(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.ones(len(x), bool), grid)
+    assert belief.mean.dtype == jnp.float32
+    area = high_interest_area(belief.mean, belief.variance)
+    assert float(trace(belief.variance, area)) == pytest.approx(float(vectors[f"post{f}_trace_high"]), rel=1e-3)
+    np.testing.assert_allclose(belief.mean, mean, atol=1e-3)
+    np.testing.assert_allclose(belief.variance, std**2, atol=1e-3)
+    # Only points whose bound is within rounding of the threshold may change sides.
+    assert (np.abs(mean + std - 0.4)[np.asarray(area) != mask] < 1e-3).all()
+
+
+@settings(max_examples=15)
+@given(SEEDS, st.floats(0.1, 2.0), st.floats(0.2, 5.0), st.floats(1e-6, 1e-1))
+def test_scikit_learn_agrees(seed, length_scale, variance, noise):
+    rng = np.random.default_rng(seed)
+    x, y = rng.random((SLOTS, 2)), rng.normal(size=SLOTS)
+    model = GaussianProcessRegressor(
+        ConstantKernel(variance) * Matern(length_scale, nu=1.5), alpha=noise, optimizer=None
+    )
+    mean, std = model.fit(x, y).predict(QUERY, return_std=True)
+    with jax.enable_x64(True):
+        kernel = Matern32(jnp.asarray(length_scale), jnp.asarray(variance))
+        belief = condition_(kernel, *map(jnp.asarray, (x, y, np.ones(SLOTS, bool), QUERY)), jnp.asarray(noise))
+        scale = 1e-8 * max(1.0, np.abs(mean).max())
+        np.testing.assert_allclose(belief.mean, mean, rtol=0, atol=scale)
+        np.testing.assert_allclose(belief.variance, std**2, rtol=0, atol=1e-8)
+
+
+def test_posterior_of_plain_arrays():
+    x, y = np.array([[0.2, 0.3], [0.8, 0.1]]), np.array([0.5, -0.5])
+    mean, variance = posterior(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.asarray(QUERY))
+    again = posterior(KERNEL, x, y, QUERY)
+    np.testing.assert_array_equal(again[0], mean)
+    np.testing.assert_array_equal(again[1], variance)
+    at = posterior(KERNEL, x, y, x)
+    np.testing.assert_allclose(at[0], y, atol=1e-5)
+    np.testing.assert_allclose(at[1], 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("variance", [1.0, 2.5])
+def test_zero_measurements_give_the_prior(variance):
+    kernel = Matern32(0.3, variance)
+    mean, spread = posterior(kernel, jnp.zeros((0, 2)), jnp.zeros(0), jnp.asarray(QUERY))
+    np.testing.assert_array_equal(mean, 0.0)
+    np.testing.assert_array_equal(spread, variance)
+    masked = condition(kernel, jnp.ones((3, 2)), jnp.ones(3), jnp.zeros(3, bool), jnp.asarray(QUERY))
+    np.testing.assert_array_equal(masked.mean, 0.0)
+    np.testing.assert_array_equal(masked.variance, variance)
+
+
+def exact(x, y, query, noise):
+    """The posterior in NumPy, by solving the normal equations: no Cholesky factor, no masks."""
+    matern = Matern(KERNEL.length_scale, nu=1.5)
+    cross = matern(x, query)
+    weights = np.linalg.solve(matern(x, x) + noise * np.eye(len(x)), cross)
+    return y @ weights, 1.0 - np.sum(cross * weights, axis=0)
+
+
+def draw(seed):
+    """Random slots: positions, values, mask, more positions and values."""
+    rng = np.random.default_rng(seed)
+    x, y, mask = rng.random((SLOTS, 2)), rng.normal(size=SLOTS), rng.random(SLOTS) < 0.6
+    return rng, x, y, mask, rng.random((NEW, 2)), rng.normal(size=NEW)
+
+
+def belief_of(x, y, mask, noise=1e-6):
+    """The belief at the precision JAX is in."""
+    real = jnp.result_type(float)
+    return condition_(
+        KERNEL, *(jnp.asarray(a, real) for a in (x, y)), jnp.asarray(mask), jnp.asarray(QUERY, real), noise
+    )
+
+
+def same(belief, other, atol=1e-8):
+    np.testing.assert_allclose(belief.mean, other.mean, rtol=0, atol=atol)
+    np.testing.assert_allclose(belief.variance, other.variance, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize(("x64", "slack"), [(True, 1e-12), (False, 1e-5)])
+@given(seed=SEEDS)
+def test_variance_never_rises_with_data(seed, x64, slack):
+    _, x, y, mask, _, _ = draw(seed)
+    with jax.enable_x64(x64):
+        before = np.ones(len(QUERY))
+        for count in range(1, SLOTS + 1):
+            after = np.asarray(belief_of(x, y, mask & (np.arange(SLOTS) < count)).variance)
+            assert (after <= before + slack).all()
+            assert (after >= 0).all()
+            before = after
+
+
+@given(SEEDS)
+def test_order_of_measurements_is_irrelevant(seed):
+    rng, x, y, mask, _, _ = draw(seed)
+    order = rng.permutation(SLOTS)
+    with jax.enable_x64(True):
+        same(belief_of(x, y, mask), belief_of(x[order], y[order], mask[order]))
+
+
+@given(SEEDS)
+def test_masked_slots_have_no_influence(seed):
+    rng, x, y, mask, _, _ = draw(seed)
+    junk_x = np.where(mask[:, None], x, rng.normal(size=(SLOTS, 2)) * 100)
+    junk_y = np.where(mask, y, np.nan)
+    with jax.enable_x64(True):
+        belief, junk = belief_of(x, y, mask), belief_of(junk_x, junk_y, mask)
+        same(belief, junk, atol=0)
+        mean, variance = exact(x[mask], y[mask], QUERY, 1e-6)
+        np.testing.assert_allclose(belief.mean, mean, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(belief.variance, variance, rtol=0, atol=1e-8)
+
+
+@given(SEEDS, st.integers(1, NEW))
+def test_append_is_recondition_in_any_slot(seed, count):
+    """Free slots lie anywhere between measured ones; several appends fill them in order."""
+    _, x, y, mask, new_x, new_y = draw(seed)
+    with jax.enable_x64(True):
+        belief = belief_of(x, y, mask)
+        for i in range(count):
+            free = np.flatnonzero(~mask)
+            belief = append_(belief, jnp.asarray(new_x[i]), jnp.asarray(new_y[i]))
+            if len(free):
+                x[free[0]], y[free[0]], mask[free[0]] = new_x[i], new_y[i], True
+            np.testing.assert_array_equal(belief.mask, mask)
+        same(belief, belief_of(x, y, mask))
+        # What later look-aheads read must be right too, not only the prediction at the query points.
+        more = (jnp.asarray(new_x[0]), jnp.asarray(0.3))
+        same(append_(belief, *more), append_(belief_of(x, y, mask), *more))
+
+
+def test_append_to_a_full_belief_changes_nothing():
+    _, x, y, _, new_x, _ = draw(0)
+    belief = belief_of(x, y, np.ones(SLOTS, bool))
+    after = append_(belief, jnp.asarray(new_x[0], jnp.float32), jnp.asarray(3.0))
+    for old, new in zip(jax.tree.leaves(belief), jax.tree.leaves(after), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+@pytest.mark.parametrize("virtual_value", ["mean", "zero"])
+@given(seed=SEEDS)
+def test_extend_is_recondition_on_virtual_values(seed, virtual_value):
+    rng, x, y, mask, new_x, _ = draw(seed)
+    new_mask = rng.random(NEW) < 0.7
+    with jax.enable_x64(True):
+        belief = belief_of(x, y, mask)
+        more = extend_(belief, jnp.asarray(new_x), jnp.asarray(new_mask), virtual_value=virtual_value)
+        expected = np.asarray(predict_(belief, jnp.asarray(new_x))[0]) if virtual_value == "mean" else np.zeros(NEW)
+        again = belief_of(np.concatenate([x, new_x]), np.concatenate([y, expected]), np.concatenate([mask, new_mask]))
+        same(more, again)
+        if virtual_value == "mean":
+            np.testing.assert_array_equal(more.mean, belief.mean)
+        # The extended belief is a belief like any other: it predicts elsewhere and extends further.
+        elsewhere = jnp.asarray(rng.random((NEW, 2)))
+        for found, wanted in zip(predict_(more, elsewhere), predict_(again, elsewhere), strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+
+
+@given(SEEDS)
+def test_predict_agrees_with_the_query_predictions(seed):
+    _, x, y, mask, _, _ = draw(seed)
+    with jax.enable_x64(True):
+        belief = belief_of(x, y, mask)
+        mean, variance = predict_(belief, belief.query)
+        np.testing.assert_allclose(mean, belief.mean, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(variance, belief.variance, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-10, 0.0])
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6, 1e-4])
+def test_near_duplicates_stay_finite_in_float32(gap, noise):
+    """A robot that stands still measures the same spot again and again."""
+    rng = np.random.default_rng(3)
+    count = 30
+    at = np.array([0.4, 0.6])
+    x = np.concatenate([at + gap * rng.normal(size=(count, 2)), [[0.1, 0.1], [0.9, 0.2]]]).astype(np.float32)
+    y = np.concatenate([np.full(count, 0.8), [0.2, 0.5]]).astype(np.float32)
+    query = np.concatenate([QUERY, x[-3:]]).astype(np.float32)
+    belief = condition_(KERNEL, *map(jnp.asarray, (x, y, np.ones(count + 2, bool), query)), noise)
+    for leaf in jax.tree.leaves(eqx.filter(belief, eqx.is_array)):
+        assert np.isfinite(leaf).all()
+    assert (np.asarray(belief.variance) >= 0).all()
+    assert (np.asarray(belief.variance) <= 1).all()
+    np.testing.assert_allclose(belief.mean[-3:], y[-3:], atol=0.02)
+    assert (np.asarray(belief.variance[-3:]) < 0.01).all()
+    mean, variance = exact(*(a.astype(np.float64) for a in (x, y, query)), float(belief.noise))
+    np.testing.assert_allclose(belief.mean, mean, atol=0.02)
+    np.testing.assert_allclose(belief.variance, variance, atol=0.01)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6, 1e-4])
+def test_near_duplicates_appended_or_extended_stay_finite_in_float32(gap):
+    rng = np.random.default_rng(4)
+    at = np.array([0.4, 0.6])
+    mask = np.arange(SLOTS) < 2
+    x = np.where(mask[:, None], at, 0.0) + gap * rng.normal(size=(SLOTS, 2))
+    belief = belief_of(x, np.full(SLOTS, 0.8), mask)
+    # Both the belief with the point appended over and over, and a look-ahead that stands still.
+    for step in range(SLOTS - 2):
+        belief = append_(belief, jnp.asarray(at + gap * rng.normal(size=2), jnp.float32), jnp.asarray(0.8))
+        more = extend_(
+            belief, jnp.asarray(np.tile(at, (NEW, 1)), jnp.float32), jnp.ones(NEW, bool), virtual_value="mean"
+        )
+        for b in (belief, more):
+            mean, variance = predict_(b, jnp.asarray(at, jnp.float32)[None])
+            assert np.isfinite(b.mean).all() and np.isfinite(b.variance).all(), step
+            assert (np.asarray(b.variance) >= 0).all() and (np.asarray(b.variance) <= 1).all()
+            assert float(mean[0]) == pytest.approx(0.8, abs=0.02)
+            assert 0 <= float(variance[0]) < 0.01
+
+
+def test_condition_under_vmap_keeps_each_missions_own_nugget():
+    """One mission with duplicates must not change the nugget, and so the result, of the mission beside it."""
+    rng = np.random.default_rng(5)
+    good, y = rng.random((SLOTS, 2)).astype(np.float32), rng.normal(size=SLOTS).astype(np.float32)
+    x = jnp.asarray(np.stack([good, np.full_like(good, 0.5)]))
+    batched = jax.jit(jax.vmap(partial(condition, KERNEL), in_axes=(0, None, None, None, None)))
+    beliefs = batched(x, jnp.asarray(y), jnp.ones(SLOTS, bool), jnp.asarray(QUERY, jnp.float32), jnp.asarray(0.0))
+    alone = belief_of(good, y, np.ones(SLOTS, bool), jnp.asarray(0.0))
+    assert float(beliefs.noise[0]) == 0.0 < float(beliefs.noise[1])
+    np.testing.assert_allclose(beliefs.mean[0], alone.mean, atol=1e-3)
+    assert np.isfinite(beliefs.mean).all()
