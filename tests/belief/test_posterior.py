@@ -27,7 +27,8 @@ from maipp.belief import (
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
-KERNEL = Matern32(0.45)
+LENGTH_SCALE = 0.45
+KERNEL = Matern32(LENGTH_SCALE)
 SLOTS, NEW = 10, 4
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -94,13 +95,12 @@ def test_float32_with_the_default_nugget_gives_the_reference_trace(vectors, f):
 def test_scikit_learn_agrees(seed, length_scale, variance, noise):
     rng = np.random.default_rng(seed)
     x, y = rng.random((SLOTS, 2)), rng.normal(size=SLOTS)
-    model = GaussianProcessRegressor(
-        ConstantKernel(variance) * Matern(length_scale, nu=1.5), alpha=noise, optimizer=None
-    )
-    mean, std = model.fit(x, y).predict(QUERY, return_std=True)
+    prior = ConstantKernel(variance) * Matern(length_scale, nu=1.5)
+    model = GaussianProcessRegressor(prior, alpha=noise, optimizer=None)  # pyright: ignore[reportArgumentType]
+    mean, std = map(np.asarray, model.fit(x, y).predict(QUERY, return_std=True))
     with jax.enable_x64(True):
         kernel = Matern32(jnp.asarray(length_scale), jnp.asarray(variance))
-        belief = condition_(kernel, *map(jnp.asarray, (x, y, np.ones(SLOTS, bool), QUERY)), jnp.asarray(noise))
+        belief = condition_(kernel, *map(jnp.asarray, (x, y, np.ones(SLOTS, bool), QUERY)), noise=jnp.asarray(noise))
         scale = 1e-8 * max(1.0, np.abs(mean).max())
         np.testing.assert_allclose(belief.mean, mean, rtol=0, atol=scale)
         np.testing.assert_allclose(belief.variance, std**2, rtol=0, atol=1e-8)
@@ -130,7 +130,7 @@ def test_zero_measurements_give_the_prior(variance):
 
 def exact(x, y, query, noise):
     """The posterior in NumPy, by solving the normal equations: no Cholesky factor, no masks."""
-    matern = Matern(KERNEL.length_scale, nu=1.5)
+    matern = Matern(LENGTH_SCALE, nu=1.5)
     cross = matern(x, query)
     weights = np.linalg.solve(matern(x, x) + noise * np.eye(len(x)), cross)
     return y @ weights, 1.0 - np.sum(cross * weights, axis=0)
@@ -143,12 +143,11 @@ def draw(seed):
     return rng, x, y, mask, rng.random((NEW, 2)), rng.normal(size=NEW)
 
 
-def belief_of(x, y, mask, noise=1e-6):
+def belief_of(x, y, mask, noise: float | jax.Array = 1e-6):
     """The belief at the precision JAX is in."""
     real = jnp.result_type(float)
-    return condition_(
-        KERNEL, *(jnp.asarray(a, real) for a in (x, y)), jnp.asarray(mask), jnp.asarray(QUERY, real), noise
-    )
+    x, y, query = (jnp.asarray(a, real) for a in (x, y, QUERY))
+    return condition_(KERNEL, x, y, jnp.asarray(mask), query, noise)
 
 
 def same(belief, other, atol=1e-8):
@@ -255,14 +254,14 @@ def test_near_duplicates_stay_finite_in_float32(gap, noise):
     x = np.concatenate([at + gap * rng.normal(size=(count, 2)), [[0.1, 0.1], [0.9, 0.2]]]).astype(np.float32)
     y = np.concatenate([np.full(count, 0.8), [0.2, 0.5]]).astype(np.float32)
     query = np.concatenate([QUERY, x[-3:]]).astype(np.float32)
-    belief = condition_(KERNEL, *map(jnp.asarray, (x, y, np.ones(count + 2, bool), query)), noise)
+    belief = condition_(KERNEL, *map(jnp.asarray, (x, y, np.ones(count + 2, bool), query)), noise=jnp.asarray(noise))
     for leaf in jax.tree.leaves(eqx.filter(belief, eqx.is_array)):
         assert np.isfinite(leaf).all()
     assert (np.asarray(belief.variance) >= 0).all()
     assert (np.asarray(belief.variance) <= 1).all()
     np.testing.assert_allclose(belief.mean[-3:], y[-3:], atol=0.02)
     assert (np.asarray(belief.variance[-3:]) < 0.01).all()
-    mean, variance = exact(*(a.astype(np.float64) for a in (x, y, query)), float(belief.noise))
+    mean, variance = exact(*(a.astype(np.float64) for a in (x, y, query)), noise=float(belief.noise))
     np.testing.assert_allclose(belief.mean, mean, atol=0.02)
     np.testing.assert_allclose(belief.variance, variance, atol=0.01)
 
