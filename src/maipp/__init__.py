@@ -1,0 +1,63 @@
+"""Multi-agent adaptive informative path planning with Gaussian-process beliefs, in JAX.
+
+The names below are imported when they are first used: importing maipp itself imports no JAX, so that
+`maipp.use_all_cores()` can still come first.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from maipp.benchmarks.evaluate import evaluate
+    from maipp.devices import use_all_cores
+    from maipp.planners.registry import make_planner, register
+    from maipp.scenario import Scenario
+    from maipp.scenario_io import load_scenario
+    from maipp.simulator.metrics import score_missions
+    from maipp.simulator.mission import draw_missions
+    from maipp.simulator.run import run_missions
+
+    __version__: str
+
+_MODULES = {
+    "Scenario": "maipp.scenario",
+    "draw_missions": "maipp.simulator.mission",
+    "evaluate": "maipp.benchmarks.evaluate",
+    "load_scenario": "maipp.scenario_io",
+    "make_planner": "maipp.planners.registry",
+    "register": "maipp.planners.registry",
+    "run_missions": "maipp.simulator.run",
+    "score_missions": "maipp.simulator.metrics",
+    "use_all_cores": "maipp.devices",
+}
+
+__all__ = [
+    "Scenario",
+    "__version__",
+    "draw_missions",
+    "evaluate",
+    "load_scenario",
+    "make_planner",
+    "register",
+    "run_missions",
+    "score_missions",
+    "use_all_cores",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("maipp")
+        except PackageNotFoundError:  # run from a source tree
+            return "unknown"
+    if name in _MODULES:
+        value = globals()[name] = getattr(importlib.import_module(_MODULES[name]), name)
+        return value
+    raise AttributeError(f"module 'maipp' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,1 @@
+"""Evaluating planners: quality over held-out missions, and the time of a decision."""

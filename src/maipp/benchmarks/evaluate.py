@@ -1,0 +1,228 @@
+"""How good a planner is: held-out missions run and scored, with everything needed to run them again."""
+
+import dataclasses
+import json
+import math
+import os
+import secrets
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from maipp.benchmarks.latency import DecisionTime, decision_time
+from maipp.benchmarks.machine import machine, versions
+from maipp.errors import InputError
+from maipp.fields.raster import Raster, load_raster
+from maipp.planners import make_planner, planner_options
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, Planner, draw_missions, run_missions
+from maipp.simulator.metrics import Metrics, score_missions
+from maipp.typing import Float, Key
+
+# Missions between two calls of `progress`, and what an interrupt can lose. The planner's randomness is drawn per part,
+# so this number is part of the protocol: changing it changes every stochastic planner's results within their spread.
+PART = 100
+
+# Mixed into the seed for the planner's randomness, so that it shares no key with the instances 0, 1, 2...
+_PLANNER_STREAM = 0xFFFFFFFF
+
+Progress = Callable[[int, int], None]  # missions done, missions in all
+
+
+class Summary(NamedTuple):
+    """One metric over all missions."""
+
+    mean: float
+    std: float | None  # over trials, of the mean over instances (the paper's "std", ddof 1); None for one trial
+    se: float | None  # standard error of the mean, over instances; None for one instance
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A planner's results on one scenario."""
+
+    scenario: Scenario
+    planner: str
+    options: Mapping[str, Any]  # every option with its value
+    instances: int
+    trials: int
+    seed: int
+    values: Mapping[str, Float[np.ndarray, "instances trials"]]  # per metric; the fields of `Metrics`
+    message_bytes: int  # what an agent sends at each decision
+    decision_ms: DecisionTime | None  # None where it was not asked for
+    wall_s: float  # all of it: drawing, compiling, running, scoring, timing
+    machine: Mapping[str, Any]
+    versions: Mapping[str, str]
+
+    @property
+    def summary(self) -> dict[str, Summary]:
+        """Mean, spread over trials and standard error of every metric."""
+        return {metric: summarise(values) for metric, values in self.values.items()}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, strings, lists and None, ready for JSON; per-mission values are `[instance][trial]`."""
+        return {
+            "planner": self.planner,
+            "options": {name: _plain(value) for name, value in self.options.items()},
+            "scenario": self.scenario.to_dict(),
+            "seed": self.seed,
+            "instances": self.instances,
+            "trials": self.trials,
+            "summary": {metric: _plain(row._asdict()) for metric, row in self.summary.items()},
+            "message_bytes": self.message_bytes,
+            "decision_ms": None if self.decision_ms is None else _plain(self.decision_ms._asdict()),
+            "wall_s": self.wall_s,
+            "versions": dict(self.versions),
+            "machine": dict(self.machine),
+            "values": {metric: _plain(values.tolist()) for metric, values in self.values.items()},
+        }
+
+
+def summarise(values: Float[np.ndarray, "instances trials"]) -> Summary:
+    """Mean over all, standard deviation over trials of the instance mean, standard error over instances."""
+    instances, trials = values.shape
+    std = float(values.mean(axis=0).std(ddof=1)) if trials > 1 else None
+    se = float(values.mean(axis=1).std(ddof=1) / math.sqrt(instances)) if instances > 1 else None
+    return Summary(float(values.mean()), std, se)
+
+
+def evaluate(
+    scenario: Scenario,
+    planner_name: str,
+    options: Mapping[str, object] | None = None,
+    *,
+    instances: int = 30,
+    trials: int = 10,
+    seed: int = 0,
+    timing: bool = True,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
+
+    Instance i of a seed is the same world for every planner, so results can be paired; a trial draws fresh roadmaps
+    and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
+    this family of keys, or the evaluation is no longer held out. `timing=False` saves one compilation.
+    Raises `InputError` for an unknown planner, a bad option, or a count below one.
+    """
+    _check_counts(instances=instances, trials=trials)
+    if seed < 0:
+        raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
+    begun = time.perf_counter()
+    planner = make_planner(planner_name, scenario, options)
+    missions = _draw(scenario, seed, instances, trials, planner.uses_roadmap)
+    key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
+    metrics = _run_in_parts(scenario, planner, missions, key, progress)
+    values = {
+        field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
+        for field in dataclasses.fields(Metrics)
+    }
+    return Evaluation(
+        scenario=scenario,
+        planner=planner_name,
+        options={option.name: getattr(planner, option.name) for option in planner_options(planner_name)},
+        instances=instances,
+        trials=trials,
+        seed=seed,
+        values=values,
+        message_bytes=message_bytes(planner),
+        decision_ms=decision_time(scenario, planner, missions, key) if timing else None,
+        wall_s=time.perf_counter() - begun,
+        machine=machine(),
+        versions=versions(),
+    )
+
+
+def message_bytes(planner: Planner) -> int:
+    """Size of one message: what an agent tells the others at each decision, in bytes."""
+    arrays = (jnp.asarray(leaf) for leaf in jax.tree.leaves(planner.empty_message()))
+    return sum(array.size * array.dtype.itemsize for array in arrays)
+
+
+def save_evaluations(evaluations: Sequence[Evaluation], path: str | os.PathLike[str]) -> None:
+    """Write the evaluations as JSON so that the file is either the whole new one or untouched.
+
+    Raises `InputError` where the file cannot be written.
+    """
+    target = Path(path)
+    temporary = target.parent / f".{secrets.token_hex(8)}.tmp"
+    try:
+        try:
+            temporary.write_text(to_json(evaluations), encoding="utf-8")
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot write the results: {error.strerror}") from None
+
+
+def to_json(evaluations: Sequence[Evaluation]) -> str:
+    """The evaluations as JSON text."""
+    document = {"format": "maipp-evaluations", "evaluations": [evaluation.to_dict() for evaluation in evaluations]}
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def _run_in_parts(
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, progress: Progress | None
+) -> Metrics:
+    """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
+    count = missions.start.shape[0]
+    parts = math.ceil(count / PART)
+    size = math.ceil(count / parts)
+    scored: list[Metrics] = []
+    for first in range(0, count, size):
+        index = np.minimum(np.arange(first, first + size), count - 1)
+        part = jax.tree.map(lambda array, index=index: array[index], missions)
+        states = run_missions(scenario, planner, part, jax.random.fold_in(key, first))
+        done = min(first + size, count)
+        metrics = jax.device_get(score_missions(scenario, part, states))
+        scored.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))
+        if progress is not None:
+            progress(done, count)
+    return jax.tree.map(lambda *rows: np.concatenate(rows), *scored)
+
+
+def _draw(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
+    """The missions of an evaluation; those of one scenario with other budgets or planners are drawn once."""
+    if scenario.field is not None:  # the file may change between two evaluations
+        field = _ground_truth(scenario)
+        return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, field=field)
+    any_budget = scenario.replace(budget=scenario.measurement_interval)
+    missions = _draw_once(any_budget, seed, instances, trials, roadmaps)
+    budgets = jnp.broadcast_to(jnp.asarray(scenario.budgets), missions.budgets.shape)
+    return dataclasses.replace(missions, budgets=budgets)
+
+
+@lru_cache(maxsize=2)  # with roadmaps and without
+def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
+    return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps)
+
+
+def _ground_truth(scenario: Scenario) -> Raster | None:
+    """The field of the scenario's file, stretched over its extent; None for drawn mixtures."""
+    if scenario.field is None:
+        return None
+    return Raster.from_data(load_raster(scenario.field), extent=scenario.extent)
+
+
+def _check_counts(**counts: int) -> None:
+    for name, count in counts.items():
+        if count < 1:
+            raise InputError(f"{name}: {count} is not a number of {name}; give a whole number >= 1")
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, and None for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, bool | int | float | str | None) else repr(value)

@@ -1,0 +1,81 @@
+"""How long one decision takes: missions stepped from the host, one at a time, compilation excluded."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from maipp.scenario import Scenario
+from maipp.simulator import Decision, Mission, Planner, State, reset
+from maipp.simulator.engine import advance, due_agent, hear, observe
+from maipp.typing import Float, Index, Key
+
+
+class DecisionTime(NamedTuple):
+    """The time of single decisions at batch 1, in milliseconds."""
+
+    median: float
+    p95: float
+    decisions: int  # decisions timed
+
+
+def _steps(scenario: Scenario, planner: Planner) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """One event in two compiled halves: what the due agent computes, and what the simulator does with it."""
+    arrays, static = eqx.partition(planner, eqx.is_array)
+
+    @jax.jit
+    def decide(arrays: Any, mission: Mission, state: State, key: Key) -> tuple[State, Index, Decision]:
+        agent = due_agent(scenario, state)
+        state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
+        state, heard = hear(scenario, mission, state, agent)
+        observation = observe(scenario, mission, state, agent, heard)
+        memory = jax.tree.map(lambda array: array[agent], state.memory)
+        key = jax.random.fold_in(key, state.events)
+        return state, agent, eqx.combine(arrays, static).decide(key, observation, memory)
+
+    @jax.jit
+    def proceed(mission: Mission, state: State, agent: Index, decision: Decision) -> State:
+        return advance(scenario, planner, mission, state, agent, decision)
+
+    return lambda *inputs: decide(arrays, *inputs), proceed
+
+
+def decision_seconds(
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, least: int = 50
+) -> Float[np.ndarray, " decisions"]:
+    """Wall time of every decision of the first missions of a batch, seconds, from observing to the waypoints.
+
+    Missions are taken until `least` decisions are timed, at least one and at most the whole batch.
+    """
+    decide, proceed = _steps(scenario, planner)
+    seconds: list[float] = []
+    for i in range(missions.start.shape[0]):
+        mission = jax.tree.map(lambda array, i=i: array[i], missions)
+        mission_key = jax.random.fold_in(key, i)
+        state = reset(scenario, planner, mission)
+        if i == 0:
+            jax.block_until_ready(decide(mission, state, mission_key))
+        while bool(state.active.any()):
+            jax.block_until_ready(state)
+            begun = time.perf_counter()
+            decided = jax.block_until_ready(decide(mission, state, mission_key))
+            seconds.append(time.perf_counter() - begun)
+            state = proceed(mission, *decided)
+        if len(seconds) >= least:
+            break
+    return np.asarray(seconds)
+
+
+def decision_time(
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, least: int = 50
+) -> DecisionTime:
+    """Median and 95th percentile of `decision_seconds`, in milliseconds."""
+    milliseconds = 1e3 * decision_seconds(scenario, planner, missions, key, least=least)
+    return DecisionTime(
+        float(np.median(milliseconds)), float(np.percentile(milliseconds, 95)), int(milliseconds.shape[0])
+    )

@@ -1,0 +1,123 @@
+"""`maipp COMMAND ...`: finds the command, prepares JAX if it computes, turns errors into one line and an exit code.
+
+Nothing heavy is imported before a command is known, so that `maipp --help` answers at once.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from maipp.errors import InputError
+
+INPUT_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+
+
+class Command(NamedTuple):
+    """One command: the module `maipp.cli.<name>` has its flags as a dataclass and `run(flags) -> exit code`."""
+
+    flags: str  # name of the dataclass
+    computes: bool  # whether it uses JAX
+    summary: str
+
+
+COMMANDS = {
+    "plan": Command("Plan", True, "plan one survey, and write its record and figures"),
+    "evaluate": Command("Evaluate", True, "score planners on held-out missions"),
+    "planners": Command("Planners", True, "list the planners and their options"),
+    "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),
+}
+
+
+def usage() -> str:
+    """What `maipp --help` prints."""
+    width = max(map(len, COMMANDS))
+    rows = "\n".join(f"  {name:<{width}}  {command.summary}" for name, command in COMMANDS.items())
+    return (
+        "usage: maipp COMMAND [OPTIONS]\n\n"
+        "Multi-agent adaptive informative path planning.\n\n"
+        f"commands:\n{rows}\n\n"
+        "  maipp COMMAND --help  options of a command\n"
+        "  maipp --version       version\n\n"
+        "environment:\n"
+        "  MAIPP_CACHE           folder for compiled programs; empty: keep none\n"
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; gives its exit code: 0, 2 for bad input, 130 when interrupted."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _dispatch(arguments)
+        sys.stdout.flush()
+        return code
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return INPUT_ERROR
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader (head, less) has seen enough; do not complain at exit either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except SystemExit as stop:  # a flag that does not parse, or --help of a command
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+
+
+def _dispatch(arguments: list[str]) -> int:
+    name = arguments[0] if arguments else "--help"
+    if name in ("-h", "--help", "help"):
+        print(usage(), end="")
+        return 0
+    if name in ("-V", "--version"):
+        import maipp
+
+        print(f"maipp {maipp.__version__}")
+        return 0
+    if name not in COMMANDS:
+        raise InputError(_unknown_command(name))
+    command = COMMANDS[name]
+    if command.computes and not {"-h", "--help"} & set(arguments):
+        prepare_jax()
+    import tyro
+
+    module = importlib.import_module(f"maipp.cli.{name}")
+    return module.run(tyro.cli(getattr(module, command.flags), prog=f"maipp {name}", args=arguments[1:]))
+
+
+def _unknown_command(name: str) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name.lower(), COMMANDS, n=1)
+    meant = f" (did you mean {near[0]}?)" if near else ""
+    return f"no command {name!r}{meant}; there are {', '.join(COMMANDS)}"
+
+
+def prepare_jax() -> None:
+    """Make JAX use every core and keep compiled programs between runs; must run before JAX is used."""
+    from maipp.devices import use_all_cores
+
+    folder = cache_folder()
+    # JAX reads both when it is imported; what the user has set for JAX itself wins.
+    if folder is not None:
+        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")  # quicker to compile than to read
+    use_all_cores()
+
+
+def cache_folder() -> Path | None:
+    """Where compiled programs are kept: `MAIPP_CACHE` (None if it is empty), else below the user's cache folder."""
+    chosen = os.environ.get("MAIPP_CACHE")
+    if chosen is not None:
+        return Path(chosen) if chosen else None
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "maipp"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "maipp" / "Cache"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "maipp"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

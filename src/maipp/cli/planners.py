@@ -1,0 +1,38 @@
+"""`maipp planners`: names, what each does, and its options."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from maipp.planners import planner_names, planner_options, planner_summary
+
+
+@dataclass(frozen=True)
+class Planners:
+    """List the planners with their options. Give options as `--set KEY=VALUE`."""
+
+    planner: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PLANNER")] = ()
+    """only these; path/to/file.py:ClassName for one of your own"""
+
+
+def run(flags: Planners) -> int:
+    """Print the list; raises `InputError` for an unknown planner."""
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    for name in flags.planner or planner_names():
+        options = planner_options(name)
+        console.print(name, style="bold", end="")
+        console.print(f"  {planner_summary(name)}")
+        for option in options:
+            default = "" if option.default is dataclasses.MISSING else f" (default {_typed(option.default)})"
+            console.print(f"    {option.name}: {option.allowed}{default}")
+    return 0
+
+
+def _typed(value: object) -> str:
+    """The value as one would type it after `--set`."""
+    if isinstance(value, tuple):
+        return ",".join(map(_typed, value))
+    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
