@@ -1,5 +1,6 @@
 """jaxtyping aliases shared by every module: the shape and the unit of what travels between floors."""
 
+import jaxtyping
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 Scalar = Float[Array, ""]
@@ -9,5 +10,6 @@ Vector = Float[Array, " n"]
 Mask = Bool[Array, " n"]
 Index = Int[Array, ""]
 Key = PRNGKeyArray
+Keys = jaxtyping.Key[Array, " b"]  # a typed key for each of a batch
 
-__all__ = ["Array", "Bool", "Float", "Index", "Int", "Key", "Mask", "Point", "Points", "Scalar", "Vector"]
+__all__ = ["Array", "Bool", "Float", "Index", "Int", "Key", "Keys", "Mask", "Point", "Points", "Scalar", "Vector"]

@@ -11,7 +11,7 @@ import numpy as np
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, sample_roadmaps
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Key
+from maipp.typing import Array, Bool, Float, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -29,7 +29,7 @@ class Mission(eqx.Module):
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
 
 
-def instance_keys(seed: int, instances: int) -> Key:
+def instance_keys(seed: int, instances: int) -> Keys:
     """One key per instance; instance i of a seed is the same world whatever the number of instances."""
     return jax.vmap(lambda i: jax.random.fold_in(jax.random.key(seed), i))(jnp.arange(instances))
 

@@ -16,7 +16,7 @@ from maipp.simulator.decision import Planner
 from maipp.simulator.engine import step
 from maipp.simulator.mission import Mission
 from maipp.simulator.state import State, reset
-from maipp.typing import Key
+from maipp.typing import Key, Keys
 
 # Missions stepped together by one device. Larger batches fall out of a CPU core's cache, smaller ones pay XLA's
 # per-operation overhead; see `make bench`.
@@ -34,7 +34,7 @@ def chunk_size() -> int:
     return CPU_CHUNK if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
 
 
-def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Key) -> State:
+def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys) -> State:
     """Final states of missions stepped together until the last has stopped."""
     state = jax.vmap(partial(reset, scenario, planner))(missions)
     advance = jax.vmap(partial(step, scenario, planner))
@@ -42,11 +42,11 @@ def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
 
 
 @eqx.filter_jit
-def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: Key, chunk: int) -> State:
+def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys, chunk: int) -> State:
     """Final states; the leading axis is a multiple of devices * chunk."""
     arrays, static = eqx.partition(planner, eqx.is_array)
 
-    def per_device(arrays: Planner, missions: Mission, keys: Key) -> State:
+    def per_device(arrays: Planner, missions: Mission, keys: Keys) -> State:
         local = eqx.combine(arrays, static)
         chunked = jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), (missions, keys))
         final = lax.map(lambda pair: _run_chunk(scenario, local, *pair), chunked)
