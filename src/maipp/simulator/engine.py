@@ -1,5 +1,7 @@
 """The event-driven engine: whose turn it is, what that agent knows, and what its decision changes."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -156,7 +158,7 @@ def advance(
     )
 
 
-def _replace(state: State, **changes: object) -> State:
+def _replace(state: State, **changes: Any) -> State:
     """A copy of the state with some fields changed."""
     fields = {name: getattr(state, name) for name in state.__dataclass_fields__}
     return State(**(fields | changes))
