@@ -3,7 +3,7 @@
 import pytest
 
 from maipp.errors import InputError
-from maipp.files import atomic_path, write_atomic
+from maipp.files import atomic_path, staged_folder, write_atomic
 
 
 def test_content_is_written_as_it_is(tmp_path):
@@ -33,3 +33,23 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(InputError, match="folder: cannot be written"):
         write_atomic(tmp_path / "folder", "text")
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+def test_staged_files_arrive_together_or_not_at_all(tmp_path):
+    out = tmp_path / "new" / "out"
+    with staged_folder(out) as stage:
+        (stage / "a").write_text("1")
+        assert not (out / "a").exists()
+    with pytest.raises(KeyboardInterrupt), staged_folder(out) as stage:
+        (stage / "a").write_text("2")
+        (stage / "b").write_text("2")
+        raise KeyboardInterrupt
+    assert [(p.name, p.read_text()) for p in out.iterdir()] == [("a", "1")]
+
+
+def test_a_file_is_no_folder_to_stage_in(tmp_path):
+    (tmp_path / "file").write_text("kept")
+    for bad in ("file", "file/below"):
+        with pytest.raises(InputError, match="file"), staged_folder(tmp_path / bad):
+            raise AssertionError("must not get here")
+    assert (tmp_path / "file").read_text() == "kept"

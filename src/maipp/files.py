@@ -2,6 +2,8 @@
 
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,3 +40,29 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> None:
     """
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+@contextmanager
+def staged_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary folder in `folder`, made if need be, whose files move there together when the block ends well.
+
+    On an error, an interrupt included, nothing in `folder` changes. Raises `InputError` where it is a file or cannot
+    be written to.
+    """
+    target = Path(folder)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give a folder")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        stage = Path(tempfile.mkdtemp(prefix=".", dir=target))
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written to: {error.strerror or error}") from error
+    try:
+        yield stage
+        for path in sorted(stage.iterdir()):
+            try:
+                os.replace(path, target / path.name)
+            except OSError as error:  # a folder of that name
+                raise InputError(f"{target / path.name}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)

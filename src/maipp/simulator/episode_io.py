@@ -1,0 +1,252 @@
+"""Episodes as files: the exact record as JSON (docs/episode.md), waypoints and measurements as CSV."""
+
+import csv
+import io
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.fields.raster import Mapping
+from maipp.files import write_atomic
+from maipp.scenario import Scenario, ScenarioError
+from maipp.simulator.checked_json import Key, pretty
+from maipp.simulator.episode import AgentRecord, Episode, EpisodeMetrics, shortest
+
+SCHEMA = "maipp.episode/1"
+
+_PRECISIONS = ("float32", "float64")
+StrPath = str | os.PathLike[str]
+
+
+def write_episode(episode: Episode, path: StrPath) -> None:
+    """Write the record as JSON; every number reads back as it is. Raises `InputError` where it cannot be written."""
+    write_atomic(path, dump_episode(episode))
+
+
+def dump_episode(episode: Episode) -> str:
+    """The record as JSON text, with the metrics."""
+    side, metrics, mapping = episode.scenario.grid, episode.metrics, episode.mapping
+    record = {
+        "schema": SCHEMA,
+        "precision": str(episode.truth.dtype),
+        "planner": {"name": episode.planner, "options": dict(episode.options)},
+        "seed": episode.seed,
+        "index": episode.index,
+        "scenario": episode.scenario.to_dict(),
+        "mapping": None if mapping is None else {name: getattr(mapping, name) for name in mapping.__dataclass_fields__},
+        "metrics": {
+            "trace": metrics.trace,
+            "own_trace": _plain(metrics.own_trace),
+            "true_trace": metrics.true_trace,
+            "rmse": metrics.rmse,
+            "mutual_information": metrics.mutual_information,
+            "curve": {"time": _plain(metrics.curve_time), "trace": _plain(metrics.curve_trace)},
+        },
+        "message_bytes": episode.message_bytes,
+        "agents": [_agent(agent) for agent in episode.agents],
+        "truth": _plain(episode.truth.reshape(side, side)),
+        "outside": np.flatnonzero(~episode.inside).tolist(),
+    }
+    return pretty(record) + "\n"
+
+
+def read_episode(path: StrPath) -> Episode:
+    """The episode in a file that `write_episode` wrote, with its metrics as recorded.
+
+    Raises `InputError` naming the file and the key of what is missing, of the wrong type or contradictory.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the episode: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give an episode.json") from None
+    return parse_episode(text, source=str(path))
+
+
+def parse_episode(text: str, *, source: str = "episode") -> Episode:
+    """The episode in JSON text; errors name `source`."""
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{source}:{error.lineno}: not JSON, or cut short: {error.msg}") from None
+    except (RecursionError, ValueError):  # a number of 5000 digits is a ValueError
+        raise InputError(f"{source}: not an episode: nested too deeply, or a number too long") from None
+    record = Key(source, "", content)
+    if (schema := record["schema"].text()) != SCHEMA:
+        record["schema"].wrong(f"{schema!r} is not a schema that this version reads; it reads {SCHEMA!r}")
+    precision = record["precision"].text()
+    if precision not in _PRECISIONS:
+        record["precision"].wrong(f"{precision!r} is neither of {', '.join(_PRECISIONS)}")
+    real = np.dtype(precision)
+    scenario = _scenario(record["scenario"])
+    side, team = scenario.grid, scenario.agents
+    agents = tuple(_read_agent(agent, scenario, real) for agent in record["agents"].items(team))
+    _check_known(record["agents"], agents)
+    metrics = record["metrics"]
+    time = metrics["curve"]["time"].numbers(real)
+    if not len(time):
+        metrics["curve"]["time"].wrong("is empty; it has at least the time 0")
+    outside = record["outside"].wholes(below=side * side)
+    inside = np.ones(side * side, bool)
+    inside[outside] = False
+    return Episode(
+        scenario=scenario,
+        planner=record["planner"]["name"].text(),
+        options=record["planner"]["options"].mapping(),
+        seed=record["seed"].whole(),
+        index=record["index"].whole(),
+        agents=agents,
+        truth=np.stack([row.numbers(real, side) for row in record["truth"].items(side)]).reshape(-1),
+        inside=inside,
+        message_bytes=record["message_bytes"].whole(),
+        mapping=_read_mapping(record["mapping"], scenario),
+        recorded=EpisodeMetrics(
+            trace=metrics["trace"].number(),
+            own_trace=metrics["own_trace"].numbers(real, team),
+            true_trace=metrics["true_trace"].number(),
+            rmse=metrics["rmse"].number(),
+            mutual_information=metrics["mutual_information"].number(),
+            curve_time=time,
+            curve_trace=metrics["curve"]["trace"].numbers(real, len(time)),
+        ),
+    )
+
+
+def waypoints_csv(episode: Episode) -> str:
+    """Route vertices as CSV: agent, order, x, y, time, distance travelled; file coordinates where there are any.
+
+    Where a unit of x and one of y differ in length (degrees), the last column is `distance_domain`, in domain units.
+    """
+    units = episode.units
+    scale = units.length_scale
+    rows = []
+    for index, agent in enumerate(episode.agents):
+        lengths = np.linalg.norm(np.diff(agent.route.astype(np.float64), axis=0), axis=-1)
+        distance = np.append(0.0, np.cumsum(lengths)) * (scale or 1.0)
+        places = zip(units.points(agent.route), agent.route_time, distance, strict=True)
+        rows += [(index, order, *place, time, length) for order, (place, time, length) in enumerate(places)]
+    return _csv(("agent", "order", units.x, units.y, "time", "distance" if scale else "distance_domain"), rows)
+
+
+def measurements_csv(episode: Episode) -> str:
+    """Measurements as CSV: agent, order, x, y, value, time; in the file's coordinates and units where there are any."""
+    units = episode.units
+    rows = []
+    for index, agent in enumerate(episode.agents):
+        places, values = units.points(agent.measurement_x), units.values(agent.measurement_y)
+        taken = zip(places, values, agent.measurement_time, strict=True)
+        rows += [(index, order, *place, value, time) for order, (place, value, time) in enumerate(taken)]
+    return _csv(("agent", "order", units.x, units.y, units.value, "time"), rows)
+
+
+def _csv(header: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    # A file whose columns are called "time" or both alike would give a table whose columns cannot be told apart.
+    writer.writerow(name if header.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(header))
+    for agent, order, *numbers in rows:
+        # Ten digits: more than float32 holds, and centimetres in any map projection.
+        writer.writerow([agent, order, *(f"{shortest(number):.10g}" for number in numbers)])
+    return text.getvalue()
+
+
+def _agent(agent: AgentRecord) -> dict[str, Any]:
+    places, spots = _plain(agent.route.T), _plain(agent.measurement_x.T)
+    return {
+        "start": _plain(agent.start),
+        "budget": agent.budget,
+        "speed": agent.speed,
+        "distance": agent.distance,
+        "decisions": agent.decisions,
+        "route": {"x": places[0], "y": places[1], "time": _plain(agent.route_time)},
+        "measurements": {
+            "x": spots[0],
+            "y": spots[1],
+            "value": _plain(agent.measurement_y),
+            "time": _plain(agent.measurement_time),
+        },
+        "known": agent.known.tolist(),
+    }
+
+
+def _plain(array: np.ndarray) -> list:
+    """Nested lists of the shortest decimals that read back as these numbers."""
+    return [_plain(row) if array.ndim > 1 else shortest(row) for row in array]
+
+
+def _scenario(key: Key) -> Scenario:
+    for option in Scenario.__dataclass_fields__:
+        key[option]  # a default in place of what was left out would replay another survey
+    try:
+        return Scenario.from_dict(key.mapping())
+    except ScenarioError as error:
+        Key(key.source, f"{key.name}.{error.key}", None).wrong(error.problem)
+
+
+def _read_agent(key: Key, scenario: Scenario, real: np.dtype) -> AgentRecord:
+    route, measured = key["route"], key["measurements"]
+    route_time, measurement_time = route["time"].numbers(real), measured["time"].numbers(real)
+    if not len(route_time):
+        route["time"].wrong("is empty; a route has at least its start")
+    if len(measurement_time) > scenario.measurements_per_agent:
+        allowed = scenario.measurements_per_agent
+        measured["time"].wrong(f"has {len(measurement_time)} entries; the scenario allows {allowed} measurements")
+    for name, times in (("route.time", route_time), ("measurements.time", measurement_time)):
+        if (np.diff(times) < 0).any():
+            Key(key.source, f"{key.name}.{name}", None).wrong("goes back; times must not fall")
+    budget, speed = key["budget"].number(), key["speed"].number()
+    for name, value in (("budget", budget), ("speed", speed)):
+        if value <= 0:
+            key[name].wrong(f"is {value}; it must be above 0")
+
+    def points(of: Key, count: int) -> np.ndarray:
+        return np.stack([of["x"].numbers(real, count), of["y"].numbers(real, count)], axis=-1)
+
+    return AgentRecord(
+        start=key["start"].numbers(real, 2),
+        budget=budget,
+        speed=speed,
+        distance=key["distance"].number(),
+        decisions=key["decisions"].whole(),
+        route=points(route, len(route_time)),
+        route_time=route_time,
+        measurement_x=points(measured, len(measurement_time)),
+        measurement_y=measured["value"].numbers(real, len(measurement_time)),
+        measurement_time=measurement_time,
+        known=key["known"].wholes(scenario.agents),
+    )
+
+
+def _check_known(key: Key, agents: tuple[AgentRecord, ...]) -> None:
+    for i, agent in enumerate(agents):
+        for j, count in enumerate(agent.known):
+            if count > len(agents[j].measurement_y):
+                where = Key(key.source, f"{key.name}[{i}].known[{j}]", None)
+                where.wrong(f"is {count}, but agent {j} took {len(agents[j].measurement_y)} measurements")
+
+
+def _read_mapping(key: Key, scenario: Scenario) -> Mapping | None:
+    if key.value is None:
+        return None
+
+    def pair(name: str) -> tuple[float, float]:
+        first, second = key[name].numbers(np.dtype(np.float64), 2).tolist()
+        return first, second
+
+    origin, size, domain = pair("origin"), pair("size"), pair("domain")
+    zero, one = key["value_at_zero"].number(), key["value_at_one"].number()
+    for name, sides in (("size", size), ("domain", domain)):
+        if min(sides) <= 0:
+            key[name].wrong(f"is {list(sides)}; both must be above 0")
+    if domain != scenario.extent:
+        key["domain"].wrong(f"is {list(domain)}, but scenario.extent is {list(scenario.extent)}")
+    if zero == one:
+        key["value_at_one"].wrong("is the same as value_at_zero")
+    names = [None if key[name].value is None else key[name].text() for name in ("x_name", "y_name", "value_name")]
+    return Mapping(origin, size, domain, zero, one, *names)
