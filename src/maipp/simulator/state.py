@@ -80,7 +80,8 @@ def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float
     done = jnp.zeros((), polyline.dtype)
     for i in range(polyline.shape[0] - 1):
         share = jnp.clip((distance - done) / jnp.maximum(steps[i], 1e-12), 0.0, 1.0)[..., None]
-        position = position + share * (polyline[i + 1] - polyline[i])
+        # The end of an edge is that vertex exactly: a sum of edges may round to a point outside the domain.
+        position = jnp.where(share < 1.0, position + share * (polyline[i + 1] - polyline[i]), polyline[i + 1])
         done = done + steps[i]
     return position
 
