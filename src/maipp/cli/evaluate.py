@@ -119,13 +119,13 @@ def _table(evaluations: list[Evaluation]) -> Table:
     """One line per planner and budget, narrow enough for 80 columns."""
     caption = "se: over instances; std: over trials, of the mean; ms and p95: one decision"
     table = Table(title=_title(evaluations), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("planner", no_wrap=True, overflow="fold")
+    table.add_column("planner", max_width=22, overflow="fold")
     for heading in ("B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", "ms", "p95"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=" " not in heading)
     for evaluation in evaluations:
         summary, time = evaluation.summary, evaluation.decision_ms
         table.add_row(
-            evaluation.planner,
+            evaluation.planner.rpartition(":")[2],  # of path/to/file.py:ClassName
             _budget(evaluation.scenario),
             _number(summary["trace"].mean),
             _number(summary["trace"].se),

@@ -1,0 +1,138 @@
+"""`python -m maipp.benchmarks.bench`: time of a decision on one core, alone and in a batch (`make bench`)."""
+
+import os
+import statistics
+import timeit
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
+
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from maipp.benchmarks.machine import machine, versions
+from maipp.devices import use_all_cores
+
+PLANNERS = ("lawnmower", "greedy", "shared-greedy", "sga-rrt", "receding-horizon")
+
+# Measured with the public implementation of the paper, on one comparable core.
+PUBLIC_SGA_RRT_PLAN_S = 0.6
+PUBLIC_EPISODE_S = (21.0, 28.0)  # three agents
+
+# A batch that takes longer than this has long averaged over its noise: it is not repeated.
+_SLOW_BATCH_S = 40.0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Time each planner on one core: compilation excluded, medians, the paper's scenario (3 agents, budget 3)."""
+
+    planner: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PLANNER [PLANNER ...]", help_behavior_hint="")] = (
+        PLANNERS
+    )
+    """planners to time; all of them if left out"""
+
+    quick: bool = False
+    """a tenth of the missions, one repetition"""
+
+    missions: int = 300
+    """missions in the batch"""
+
+    repeat: int = 3
+    """repetitions of the batch, where it takes less than 40 s"""
+
+
+class Timing(NamedTuple):
+    """Times of one planner."""
+
+    planner: str
+    decision_ms: float  # median of single decisions from the host
+    decision_p95_ms: float
+    episode_ms: float  # one mission from start to end
+    batch_decision_us: float  # per decision, all missions of the batch together
+    batch_episode_ms: float  # per mission of the batch
+
+
+def pin_to_one_core() -> None:
+    """Keep this process on the first core it may use, where the system can: numbers of different machines compare."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+
+
+def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Timing:
+    """The times of one planner on a scenario, compilation excluded."""
+    import jax
+
+    from maipp.benchmarks.latency import decision_time
+    from maipp.planners import make_planner
+    from maipp.simulator import draw_missions, run_missions
+
+    planner = make_planner(name, scenario)
+    batch = draw_missions(scenario, seed=0, instances=missions, roadmaps=planner.uses_roadmap)
+    single = jax.tree.map(lambda array: array[:1], batch)
+    key = jax.random.key(0)
+
+    def run(drawn: Any) -> Any:
+        return jax.block_until_ready(run_missions(scenario, planner, drawn, key))
+
+    begun = timeit.default_timer()
+    decisions = int(run(batch).events.sum())  # compiles; so does the next line
+    if timeit.default_timer() - begun > _SLOW_BATCH_S:
+        repeat = 1
+    run(single)
+    alone = decision_time(scenario, planner, batch, key)
+    batch_s = statistics.median(timeit.repeat(lambda: run(batch), number=1, repeat=repeat))
+    single_s = statistics.median(timeit.repeat(lambda: run(single), number=1, repeat=3 * repeat))
+    return Timing(name, alone.median, alone.p95, 1e3 * single_s, 1e6 * batch_s / decisions, 1e3 * batch_s / missions)
+
+
+def main(bench: Bench) -> None:
+    """Time the planners and print the table, and how SGA+RRT compares with the public implementation."""
+    pin_to_one_core()
+    use_all_cores()
+    from maipp.scenario import Scenario
+
+    missions, repeat = (max(bench.missions // 10, 1), 1) if bench.quick else (bench.missions, bench.repeat)
+    console = Console(highlight=False)
+    here, releases = machine(), versions()
+    console.print(
+        f"{here['cpu']}, {here['cores']} core used, {here['backend']}, {here['precision']}, "
+        f"jax {releases['jax']}, python {releases['python']}"
+    )
+    timings = []
+    for name in bench.planner:
+        timings.append(time_planner(name, Scenario(), missions=missions, repeat=repeat))
+        console.print(f"timed {name}", style="dim")
+    console.print(_table(timings, missions), width=None if console.is_terminal else 100)
+    for timing in timings:
+        if timing.planner == "sga-rrt":
+            console.print(_against_public(timing))
+
+
+def _against_public(timing: Timing) -> str:
+    """How SGA+RRT compares with the public implementation."""
+    plan = 1e3 * PUBLIC_SGA_RRT_PLAN_S
+    low, high = (1e3 * seconds for seconds in PUBLIC_EPISODE_S)
+    alone, batched = timing.episode_ms, timing.batch_episode_ms
+    return (
+        f"SGA+RRT by the public implementation: {plan:g} ms a plan, {low / 1e3:g}-{high / 1e3:g} s an episode\n"
+        f"a plan here:     {plan / timing.decision_ms:,.0f} times faster alone, "
+        f"{1e3 * plan / timing.batch_decision_us:,.0f} times in the batch\n"
+        f"an episode here: {low / alone:,.0f}-{high / alone:,.0f} times faster alone, "
+        f"{low / batched:,.0f}-{high / batched:,.0f} times in the batch"
+    )
+
+
+def _table(timings: list[Timing], missions: int) -> Table:
+    table = Table(title=f"medians; batch of {missions} missions", box=box.SIMPLE_HEAD)
+    table.add_column("planner", no_wrap=True)
+    for heading in ("decision ms", "p95 ms", "episode ms", "batched decision us", "batched episode ms"):
+        table.add_column(heading, justify="right")
+    for timing in timings:
+        table.add_row(timing.planner, *(f"{value:,.2f}" for value in timing[1:]))
+    return table
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Bench, prog="python -m maipp.benchmarks.bench"))

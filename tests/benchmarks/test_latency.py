@@ -1,0 +1,32 @@
+"""Timing steps missions from the host: it must step the very same missions."""
+
+import jax
+import numpy as np
+
+from maipp.benchmarks.bench import time_planner
+from maipp.benchmarks.latency import decision_seconds, decision_time
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+from maipp.simulator import draw_missions, run_missions
+
+SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
+
+
+def test_one_time_for_each_decision_that_the_simulator_takes():
+    planner = make_planner("random", SCENARIO)
+    missions = draw_missions(SCENARIO, seed=1, instances=3)
+    key = jax.random.key(2)
+    events = np.asarray(run_missions(SCENARIO, planner, missions, key).events)
+    assert decision_seconds(SCENARIO, planner, missions, key, least=10**6).shape == (events.sum(),)
+    assert decision_seconds(SCENARIO, planner, missions, key, least=1).shape == (events[0],)
+
+
+def test_the_p95_is_not_below_the_median():
+    planner = make_planner("random", SCENARIO)
+    time = decision_time(SCENARIO, planner, draw_missions(SCENARIO, seed=1, instances=1), jax.random.key(2))
+    assert 0 < time.median <= time.p95 and time.decisions > 0
+
+
+def test_a_planner_is_timed_alone_and_in_a_batch():
+    timing = time_planner("random", SCENARIO, missions=3, repeat=1)
+    assert timing.planner == "random" and all(value > 0 for value in timing[1:])
