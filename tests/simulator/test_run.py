@@ -1,0 +1,137 @@
+"""Running batches: the same record whatever the batch, the chunk and the devices, and one compilation per shape."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from maipp.planners.greedy import Greedy
+from maipp.scenario import Scenario
+from maipp.simulator import Decision, Planner, draw_missions, run, run_missions
+
+SETTINGS = {"agents": 2, "budget": (0.6, 0.5), "grid": 8, "nodes": 20, "neighbours": 5, "comm_range": 0.4}
+SCENARIO = Scenario(**SETTINGS)
+KEY = jax.random.key(7)
+
+
+class Drift(Planner):
+    """A random walk in the plane that counts how often it is traced."""
+
+    stride: jax.Array  # () longest step along an axis, domain units
+    traces: ClassVar[int] = 0
+
+    def decide(self, key, observation, memory):
+        Drift.traces += 1
+        step = jax.random.uniform(key, (2,), minval=-self.stride, maxval=self.stride)
+        return Decision((observation.position + step)[None], (), memory)
+
+
+def drift(stride=0.15):
+    return Drift(SCENARIO, jnp.asarray(stride))
+
+
+@pytest.fixture(scope="module")
+def missions():
+    return draw_missions(SCENARIO, seed=1, instances=5)
+
+
+@pytest.fixture(scope="module")
+def together(missions):
+    return run_missions(SCENARIO, drift(), missions, KEY)
+
+
+def first(missions, count):
+    return jax.tree.map(lambda a: a[:count], missions)
+
+
+def assert_same(states, others):
+    for a, b in zip(jax.tree.leaves(states), jax.tree.leaves(others), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def assert_close(states, others):
+    """The same decisions; numbers up to the rounding of batched products."""
+    for a, b in zip(jax.tree.leaves(states), jax.tree.leaves(others), strict=True):
+        if jnp.issubdtype(a.dtype, jnp.floating):
+            np.testing.assert_allclose(a, b, atol=1e-5)
+        else:
+            np.testing.assert_array_equal(a, b)
+
+
+def test_the_same_key_gives_the_same_record_to_the_bit(missions, together):
+    assert not together.active.any()
+    assert together.route.shape[0] == 5
+    assert_same(together, run_missions(SCENARIO, drift(), missions, jax.random.key(7)))
+
+
+def test_another_key_gives_another_record_in_every_mission(missions, together):
+    other = run_missions(SCENARIO, drift(), missions, jax.random.key(8))
+    different = np.any(np.asarray(other.route != together.route), axis=(1, 2, 3))
+    assert different.all()
+    # And no two missions of a batch share their randomness.
+    moves = np.asarray(together.route[:, 0, 1] - together.route[:, 0, 0])
+    assert len(np.unique(moves.round(5), axis=0)) == 5
+
+
+def test_a_mission_does_not_depend_on_the_batch_it_runs_in(missions, together):
+    assert_close(run_missions(SCENARIO, drift(), first(missions, 3), KEY), first(together, 3))
+
+
+def test_a_planner_without_randomness_can_run_each_mission_alone(missions):
+    planner = Greedy(SCENARIO, shared=True)
+    batch = run_missions(SCENARIO, planner, missions, KEY)
+    for i in (0, 3, 4):
+        alone = run_missions(SCENARIO, planner, jax.tree.map(lambda a, i=i: a[i : i + 1], missions), KEY)
+        assert_close(alone, jax.tree.map(lambda a, i=i: a[i : i + 1], batch))
+
+
+@pytest.mark.parametrize(("chunk", "devices"), [(1, 1), (2, 1), (2, 2), (32, 2)])
+def test_chunks_and_devices_do_not_matter(missions, together, monkeypatch, chunk, devices):
+    """Five missions fit no chunk and no number of devices: the batch is padded, and the padding cut off."""
+    if len(jax.local_devices()) < devices:
+        pytest.skip(f"needs {devices} devices")
+    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:devices])
+    monkeypatch.setattr(run, "chunk_size", lambda: chunk)
+    assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
+
+
+def test_work_is_spread_over_the_devices(missions, monkeypatch):
+    if len(jax.local_devices()) < 2:
+        pytest.skip("needs 2 devices")
+    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:2])
+    states = run_missions(SCENARIO, drift(), first(missions, 4), KEY)
+    assert states.route.sharding.device_set == set(jax.local_devices()[:2])
+
+
+def test_equal_calls_share_one_compilation(missions, together):
+    """Equal scenarios and options, other worlds, other keys, other weights: nothing of that compiles again."""
+    before = Drift.traces
+    assert before > 0
+    again = Scenario(**SETTINGS)
+    others = draw_missions(again, seed=2, instances=5)
+    run_missions(again, Drift(again, jnp.asarray(0.15)), others, jax.random.key(1))
+    short = run_missions(SCENARIO, drift(0.05), missions, KEY)
+    assert Drift.traces == before
+    assert (np.asarray(short.events) > np.asarray(together.events)).all()  # the new weights are the ones used
+    run_missions(SCENARIO, drift(), first(missions, 2), KEY)
+    assert Drift.traces > before  # the counter does count
+
+
+def test_missions_that_end_early_wait_unchanged(missions, together):
+    """One mission of a chunk with a hundredth of the budget stops long before the others."""
+    budgets = missions.budgets.at[2].set(0.05)
+    mixed = eqx.tree_at(lambda m: m.budgets, missions, budgets)
+    states = run_missions(SCENARIO, drift(), mixed, KEY)
+    np.testing.assert_allclose(states.odometer[2], 0.05, atol=1e-6)
+    assert not np.isfinite(states.measurement_time[2]).any()
+    others = np.array([0, 1, 3, 4])
+    assert_close(jax.tree.map(lambda a: a[others], states), jax.tree.map(lambda a: a[others], together))
+
+
+def test_a_roadmap_planner_without_roadmaps_says_what_to_do():
+    bare = draw_missions(SCENARIO, seed=1, instances=1, roadmaps=False)
+    with pytest.raises(ValueError, match="roadmaps=True"):
+        run_missions(SCENARIO, Greedy(SCENARIO), bare, KEY)
