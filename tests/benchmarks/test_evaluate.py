@@ -122,16 +122,15 @@ def test_message_bytes_count_what_is_told():
     assert message_bytes(make_planner("shared-greedy", SCENARIO)) == 2 * np.dtype(np.float32).itemsize
 
 
-def test_a_field_file_is_the_ground_truth(tmp_path, monkeypatch):
-    ramp = np.tile(np.linspace(0.0, 10.0, 20), (20, 1))
-    np.save(tmp_path / "ramp.npy", ramp)
+def test_a_field_file_is_the_ground_truth_and_gives_the_domain_its_shape(tmp_path, monkeypatch):
+    np.save(tmp_path / "ramp.npy", np.tile(np.linspace(0.0, 10.0, 21), (11, 1)))  # twice as wide as high
     drawn = []
     monkeypatch.setattr(module, "run_missions", lambda *inputs: drawn.append(inputs[2]) or run_missions(*inputs))
     scenario = SCENARIO.replace(field=str(tmp_path / "ramp.npy"))
-    result = evaluate(scenario, "greedy", instances=1, trials=1, timing=False)
-    np.testing.assert_allclose(
-        drawn[0].truth[0].reshape(8, 8)[0] + drawn[0].truth[0].reshape(8, 8)[:, 0], np.linspace(0, 1, 8), atol=1e-6
-    )
+    result = evaluate(scenario, "greedy", instances=2, trials=1, timing=False)
+    assert result.scenario == scenario.replace(extent=(1.0, 0.5))
+    np.testing.assert_allclose(drawn[0].truth, drawn[0].grid[..., 0], atol=1e-6)  # it rises from 0 to 1 along x
+    assert not np.array_equal(drawn[0].start[0], drawn[0].start[1])
     assert np.isfinite(result.values["rmse"]).all()
 
 

@@ -108,15 +108,17 @@ def evaluate(
 
     Instance i of a seed is the same world for every planner, so results can be paired; a trial draws fresh roadmaps
     and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
-    this family of keys, or the evaluation is no longer held out. `timing=False` saves one compilation.
+    this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
+    as its extent, and its instances differ in the start only. `timing=False` saves one compilation.
     Raises `InputError` for an unknown planner, a bad option, or a count below one.
     """
     _check_counts(instances=instances, trials=trials)
     if seed < 0:
         raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
     begun = time.perf_counter()
+    scenario, field = _with_field(scenario)
     planner = make_planner(planner_name, scenario, options)
-    missions = _draw(scenario, seed, instances, trials, planner.uses_roadmap)
+    missions = _draw(scenario, field, seed, instances, trials, planner.uses_roadmap)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     metrics = _run_in_parts(scenario, planner, missions, key, progress)
     values = {
@@ -188,10 +190,9 @@ def _run_in_parts(
     return jax.tree.map(lambda *rows: np.concatenate(rows), *scored)
 
 
-def _draw(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
+def _draw(scenario: Scenario, field: Raster | None, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
     """The missions of an evaluation; those of one scenario with other budgets or planners are drawn once."""
-    if scenario.field is not None:  # the file may change between two evaluations
-        field = _ground_truth(scenario)
+    if field is not None:  # its file may change between two evaluations
         return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, field=field)
     any_budget = scenario.replace(budget=scenario.measurement_interval)
     missions = _draw_once(any_budget, seed, instances, trials, roadmaps)
@@ -204,11 +205,12 @@ def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadm
     return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps)
 
 
-def _ground_truth(scenario: Scenario) -> Raster | None:
-    """The field of the scenario's file, stretched over its extent; None for drawn mixtures."""
+def _with_field(scenario: Scenario) -> tuple[Scenario, Raster | None]:
+    """The field of the scenario's file, and the scenario with its shape; None for drawn mixtures."""
     if scenario.field is None:
-        return None
-    return Raster.from_data(load_raster(scenario.field), extent=scenario.extent)
+        return scenario, None
+    field = Raster.from_data(load_raster(scenario.field))
+    return scenario.replace(extent=field.domain), field
 
 
 def _check_counts(**counts: int) -> None:

@@ -87,12 +87,14 @@ def run(flags: Evaluate) -> int:
     except KeyboardInterrupt:
         notes.print(f"interrupted: {len(done)} of {len(rows)} rows are done")
         code = INTERRUPTED
+    if not done:
+        return code
     # The table makes way where standard output is the JSON, and keeps its width where it goes to a file.
     out = Console(file=sys.stderr if flags.json == "-" else sys.stdout, highlight=False)
     out.print(_table(done), width=None if out.is_terminal else 100)
     if flags.json == "-":
         sys.stdout.write(to_json(done))
-    elif to_file and done:
+    elif to_file:
         notes.print(f"wrote {flags.json}")
     return code
 
