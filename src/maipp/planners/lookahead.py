@@ -27,7 +27,9 @@ def along_paths(
     origin = jnp.broadcast_to(start, (*waypoints.shape[:-2], 1, 2))
     vertices = jnp.concatenate([origin, waypoints], axis=-2)
     edges = vertices[..., 1:, :] - vertices[..., :-1, :]
-    lengths = jnp.sqrt(jnp.sum(edges * edges, axis=-1))
+    squared = jnp.sum(edges * edges, axis=-1)
+    # sqrt has an infinite slope at zero: an edge of length zero (a repeated waypoint) passes no gradient.
+    lengths = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
     points = jnp.broadcast_to(origin, (*waypoints.shape[:-2], offsets.shape[0], 2))
     done = jnp.zeros(lengths.shape[:-1], lengths.dtype)
     for i in range(lengths.shape[-1]):
