@@ -220,7 +220,7 @@ def replay(episode: Episode) -> EpisodeMetrics:
         own_trace=episode.own_beliefs().trace,
         true_trace=float(np.sum(variance[interesting], dtype=np.float64)),
         rmse=float(np.sqrt(np.mean((mean - episode.truth)[inside] ** 2, dtype=np.float64))) if inside.any() else 0.0,
-        mutual_information=shortest(information),
+        mutual_information=shortest(information[()]),
         curve_time=times,
         curve_trace=pooled.trace,
     )

@@ -48,7 +48,7 @@ from maipp.viz.style import (
     rendered,
 )
 
-_DPI = 80.0
+_DPI = 80
 _FRAMES = 52  # moving ones
 _HELD = 8  # times the last one is shown
 _PER_SECOND = 10
@@ -99,7 +99,7 @@ class Film:
     What stands still (ticks, labels, colour bars) costs most to draw: it is drawn once, and is a picture behind.
     """
 
-    def __init__(self, episode: Episode, frames: int = _FRAMES, dpi: float = _DPI) -> None:
+    def __init__(self, episode: Episode, frames: int = _FRAMES, dpi: int = _DPI) -> None:
         self.episode = episode
         self.times = np.linspace(0.0, max(episode.end, 1e-9), frames)
         units = episode.units
@@ -121,11 +121,18 @@ class Film:
                 _LEFT,
                 "Predicted mean, high-interest area",
                 VALUE_MAP,
-                (shown.min(), shown.max()),
+                (float(shown.min()), float(shown.max())),
                 units.value,
                 threshold,
             ),
-            (right, "Predicted standard deviation", STD_MAP, (0.0, self._stds.max()), f"std of {units.value}", None),
+            (
+                right,
+                "Predicted standard deviation",
+                STD_MAP,
+                (0.0, float(self._stds.max())),
+                f"std of {units.value}",
+                None,
+            ),
         ):
             axes = add_axes(backdrop, left, up, width, height)
             image = draw_field(axes, episode, self._means[0], colours, limits)
@@ -172,12 +179,14 @@ class Film:
             axes.spines[side].set_visible(False)
 
 
-def save_animation(episode: Episode, stem: str | os.PathLike[str], progress: Progress | None = None) -> str:
+def save_animation(
+    episode: Episode, stem: str | os.PathLike[str], progress: Progress | None = None, *, frames: int = _FRAMES
+) -> str:
     """Write the film to `stem`.mp4 where there is an ffmpeg that can, else to `stem`.gif; returns the path.
 
     Raises `InputError` where the file cannot be written.
     """
-    film = Film(episode)
+    film = Film(episode, frames)
     if FFMpegWriter.isAvailable():
         try:
             return _write(film, FFMpegWriter(fps=_PER_SECOND), f"{stem}.mp4", progress)

@@ -37,7 +37,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 0.65, 0.75, 0.85, 0.85  # margins, inches
 _GAP_X, _GAP_Y, _BAR_GAP, _BAR = 0.25, 0.45, 0.12, 0.14
 
 
-def draw_overview(episode: Episode, dpi: float = 160) -> Figure:
+def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     """The four maps of Yang et al. 2023, Fig. 1, in the file's coordinates and units where there are any."""
     units, scenario = episode.units, episode.scenario
     belief = episode.beliefs(np.array([np.inf]))

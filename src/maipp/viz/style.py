@@ -31,7 +31,7 @@ def halo(width: float) -> list[patheffects.AbstractPathEffect]:
     return [patheffects.Stroke(linewidth=width, foreground="white"), patheffects.Normal()]
 
 
-def new_figure(width: float, height: float, dpi: float) -> Figure:
+def new_figure(width: float, height: float, dpi: int) -> Figure:
     """An empty white figure (inches), drawn without any global state of pyplot."""
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)

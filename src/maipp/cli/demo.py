@@ -1,0 +1,122 @@
+"""`python -m maipp.cli.demo`: three robots survey real bathymetry, a part of what Matplotlib ships as sample data.
+
+The Strait of Georgia between Vancouver and its island: a trough of about 400 m through shallows and land. The trough is
+of high interest. The robots are taken to fly (airborne sounding), so they may cross land, which counts as depth 0.
+"""
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from maipp.errors import InputError
+from maipp.scenario import Scenario
+
+if TYPE_CHECKING:
+    from maipp.fields.raster import Mapping, Raster
+    from maipp.simulator.episode import Episode
+
+WEST, EAST, SOUTH = 235.0, 237.05, 48.85  # degrees; the sample goes on to the north edge of this window
+DEPTH = 400.0  # metres; becomes 1 on the scenario's scale
+INTERESTING = 150.0  # metres
+START = (236.75, 49.3)  # off Vancouver, degrees
+_KM_PER_DEGREE = math.pi * 6371.0 / 180.0  # of latitude
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Survey the sea bed of the Strait of Georgia with three robots, and draw what they found."""
+
+    out: Path = Path("out/demo")
+    """folder to write to"""
+
+    planner: str = "receding-horizon"
+    """name of the planner (`maipp planners` lists them)"""
+
+    seed: int = 0
+    """seed of the planner's randomness"""
+
+
+def bathymetry() -> "Raster":
+    """Depths in metres on a grid of longitude and latitude, land as depth 0."""
+    import numpy as np
+    from matplotlib.cbook import get_sample_data
+
+    from maipp.fields.raster import Raster, RasterData
+
+    path = str(get_sample_data("topobathy.npz", asfileobj=False))
+    with np.load(path) as file:
+        elevation, longitude, latitude = file["topo"], file["longitude"], file["latitude"]
+    columns, rows = (longitude >= WEST) & (longitude <= EAST), latitude >= SOUTH
+    depth = np.maximum(-elevation[rows][:, columns], 0.0)
+    names = ("longitude (deg E)", "latitude (deg N)", "depth (m)")
+    data = RasterData(depth, longitude[columns], latitude[rows], path, *names)
+    return Raster.from_data(data, low=0.0, high=DEPTH, geographic=True)
+
+
+def scenario_for(mapping: "Mapping") -> Scenario:
+    """Three robots that set out together; a prior fit for a trough some 20 km wide."""
+    import numpy as np
+
+    return Scenario.create(
+        agents=3,
+        budget=3.0,
+        extent=mapping.domain,
+        start=mapping.to_domain_points(np.array(START)).tolist(),
+        threshold=float(mapping.to_domain_values(INTERESTING)),
+        measurement_interval=0.1,
+        length_scale=0.2,  # 30 km, the trough and its slopes
+        signal_variance=0.2,  # depths vary by 180 m
+        noise=1e-3,  # 13 m: what the sea bed does between measurements
+    )
+
+
+def run(flags: Demo) -> int:
+    """Plan the survey, write its files, print its numbers in metres and kilometres."""
+    import numpy as np
+
+    from maipp.cli.plan import report, survey
+
+    field = bathymetry()
+    scenario = scenario_for(field.mapping)
+    episode, paths = survey(scenario, flags.planner, {}, seed=flags.seed, out=flags.out, field=field)
+    kilometres = field.mapping.size[1] / field.mapping.domain[1] * _KM_PER_DEGREE  # in a domain unit
+    deep = episode.truth >= scenario.threshold
+    found = episode.beliefs(np.array([np.inf])).area[0] & deep
+    print(f"Strait of Georgia, {scenario.extent[0] * kilometres:.0f} x {scenario.extent[1] * kilometres:.0f} km.")
+    print(
+        f"Of high interest: sea bed deeper than {INTERESTING:g} m, {deep.mean():.0%} of the area (land counts as 0 m)."
+    )
+    report(episode, paths)
+    lengths = ", ".join(f"{agent.distance * kilometres:.0f}" for agent in episode.agents)
+    print(f"The robots travelled {lengths} km and mapped the depth with an error of {_metres(episode):.0f} m (RMSE),")
+    print(f"where guessing the mean depth everywhere would have {episode.truth.std() * DEPTH:.0f} m.")
+    print(f"{found.sum() / deep.sum():.0%} of the deep lies in the area they predict.")
+    return 0
+
+
+def _metres(episode: "Episode") -> float:
+    return float(episode.units.std(episode.metrics.rmse))
+
+
+def main() -> int:
+    """Run the demonstration; gives its exit code."""
+    import tyro
+
+    from maipp.cli.main import INPUT_ERROR, INTERRUPTED, prepare_jax
+
+    flags = tyro.cli(Demo, prog="python -m maipp.cli.demo")
+    prepare_jax()
+    try:
+        return run(flags)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return INPUT_ERROR
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

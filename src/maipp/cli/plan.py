@@ -1,0 +1,235 @@
+"""`maipp plan`: one survey, planned and simulated, with its record, tables and pictures."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import tyro
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from maipp.cli.options import ScenarioFlags
+from maipp.errors import InputError
+from maipp.files import staged_folder, write_atomic
+from maipp.scenario import Scenario
+
+if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
+    from maipp.fields.raster import Mapping as FieldMapping
+    from maipp.fields.raster import Raster
+    from maipp.simulator.episode import Episode
+
+_FILMS = ("mission.mp4", "mission.gif")
+_STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", "drawing the animation")
+
+
+@dataclass(frozen=True)
+class Plan(ScenarioFlags):
+    """Plan one survey and write episode.json, waypoints.csv, measurements.csv, overview.png and mission.mp4 or .gif.
+
+    With --field, the longest side of the file becomes 1 domain unit, and its values are scaled to 0..1; everything
+    that is written, but for episode.json, is in the file's own coordinates and units.
+    """
+
+    planner: str = "receding-horizon"
+    """name (`maipp planners` lists them), or path/to/file.py:ClassName for one of your own"""
+
+    seed: int = 0
+    """seed of the world and of the planner's randomness"""
+
+    out: Path = Path("out/plan")
+    """folder to write to"""
+
+    start: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="X Y", help_behavior_hint="")] = None
+    """where all agents set out, in coordinates of the field's file (domain units without one)"""
+
+    threshold: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="")] = None
+    """value from which a point is of high interest, in units of the field's file"""
+
+    value: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """array or column of the field's file that holds the values, where there are several"""
+
+    low: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the smallest)")] = None
+    """value in the field's file that becomes 0"""
+
+    high: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the largest)")] = None
+    """value in the field's file that becomes 1"""
+
+    invert: bool = False
+    """low values are the interesting ones"""
+
+    geographic: bool = False
+    """the file's coordinates are degrees of longitude and latitude"""
+
+    corners: Annotated[
+        tuple[float, float, float, float] | None, tyro.conf.arg(metavar="X0 X1 Y0 Y1", help_behavior_hint="")
+    ] = None
+    """coordinates of the first and last column and of the first and last row, for a file without any"""
+
+    animation: bool = True
+    """draw the animation, which takes a few seconds"""
+
+
+def run(flags: Plan) -> int:
+    """Plan the survey that the flags describe, write its files, print its numbers."""
+    scenario, field = _world(flags)
+    if not 0 <= flags.seed < 2**63:
+        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    episode, paths = survey(
+        scenario,
+        flags.planner,
+        flags.planner_options(),
+        seed=flags.seed,
+        out=flags.out,
+        field=field,
+        animation=flags.animation,
+    )
+    report(episode, paths)
+    return 0
+
+
+def survey(
+    scenario: Scenario,
+    planner: str,
+    options: Mapping[str, object],
+    *,
+    seed: int,
+    out: Path,
+    field: "Raster | None" = None,
+    animation: bool = True,
+) -> "tuple[Episode, list[Path]]":
+    """Run one survey and write its files to `out`, all of them or none; returns the record and the files' paths.
+
+    Progress is shown on standard error where that is a terminal. Raises `InputError` for planners, options,
+    obstacles and folders that cannot be used.
+    """
+    from maipp.planners import make_planner
+
+    built = make_planner(planner, scenario, options)  # before any work
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with (
+        staged_folder(out) as stage,
+        Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar,
+    ):
+        task = bar.add_task(_STEPS[0], total=len(_STEPS))
+        steps = iter(_STEPS[1:])
+
+        def advance() -> None:
+            bar.update(task, advance=1, description=next(steps, ""))
+
+        def drawn(frames: int, total: int) -> None:
+            bar.update(task, completed=len(_STEPS) - 1 + frames / total)
+
+        episode = _simulate(scenario, planner, built, options, seed, field, advance)
+        _write_files(episode, stage, advance, drawn if animation else None)
+        names = sorted(path.name for path in stage.iterdir())
+    for film in set(_FILMS) - set(names):
+        (out / film).unlink(missing_ok=True)  # of an earlier survey
+    return episode, [out / name for name in names]
+
+
+def report(episode: "Episode", paths: list[Path]) -> None:
+    """Print the survey's numbers and the paths of its files to standard output."""
+    metrics, units, scenario = episode.metrics, episode.units, episode.scenario
+    scale = units.length_scale
+    distances = ", ".join(f"{agent.distance * (scale or 1.0):.4g}" for agent in episode.agents)
+    table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column()
+    table.add_column(justify="left")
+    count = sum(len(agent.measurement_y) for agent in episode.agents)
+    for name, value in (
+        ("planner", f"{episode.planner}, {scenario.agents} agents, seed {episode.seed}"),
+        ("Tr(P)", f"{metrics.trace:.4g} (before: {metrics.curve_trace[0]:.4g})"),
+        ("Tr(P), own beliefs", f"{metrics.own_trace.mean():.4g}"),
+        ("Tr(P), true area", f"{metrics.true_trace:.4g}"),
+        ("RMSE", f"{float(units.std(metrics.rmse)):.4g}" + (f" ({units.value})" if episode.mapping else "")),
+        ("mutual information", f"{metrics.mutual_information:.4g} nats"),
+        ("distance travelled", distances + ("" if scale and episode.mapping else " domain units")),
+        ("measurements", f"{count}, after {episode.decisions} decisions of {episode.message_bytes} bytes sent each"),
+    ):
+        table.add_row(name, value)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(table)
+    for path in paths:
+        console.print(f"wrote {path}", markup=False)
+
+
+def _world(flags: Plan) -> "tuple[Scenario, Raster | None]":
+    """The scenario that the flags describe, and the field where it comes from a file."""
+    scenario = flags.to_scenario()
+    only_with_field = {
+        "value": flags.value,
+        "low": flags.low,
+        "high": flags.high,
+        "invert": flags.invert or None,
+        "geographic": flags.geographic or None,
+        "corners": flags.corners,
+    }
+    field = None
+    if scenario.field is None:
+        for name, value in only_with_field.items():
+            if value is not None:
+                raise InputError(f"--{name}: says how to read a field's file, but there is none; give --field FILE")
+    else:
+        from maipp.fields.raster import Raster, load_raster
+
+        data = load_raster(scenario.field, value=flags.value, extent=flags.corners)
+        field = Raster.from_data(data, low=flags.low, high=flags.high, invert=flags.invert, geographic=flags.geographic)
+    mapping = field and field.mapping
+    changes: dict[str, object] = {} if mapping is None else {"extent": mapping.domain}
+    if flags.start is not None:
+        changes["start"] = flags.start if mapping is None else _start_in(mapping, flags.start)
+    if flags.threshold is not None:
+        changes["threshold"] = flags.threshold if mapping is None else float(mapping.to_domain_values(flags.threshold))
+    return scenario.replace(**changes), field
+
+
+def _start_in(mapping: "FieldMapping", start: tuple[float, float]) -> tuple[float, float]:
+    """The domain position of a start in file coordinates; raises an `InputError` in these where it lies outside."""
+    (west, south), (width, height) = mapping.origin, mapping.size
+    if not (west <= start[0] <= west + width and south <= start[1] <= south + height):
+        raise InputError(
+            f"--start: {start[0]:g} {start[1]:g} is outside the field; give x from {west:g} to {west + width:g} "
+            f"and y from {south:g} to {south + height:g}"
+        )
+    x, y = mapping.to_domain_points(np.array(start)).tolist()
+    return min(x, mapping.domain[0]), min(y, mapping.domain[1])  # rounding may carry the far border across
+
+
+def _simulate(scenario, name, planner, options, seed, field, advance: Callable[[], None]) -> "Episode":
+    import jax
+
+    from maipp.simulator import draw_missions, run_missions
+    from maipp.simulator.episode import Episode
+
+    try:
+        missions = draw_missions(scenario, seed=seed, instances=1, roadmaps=planner.uses_roadmap, field=field)
+    except ValueError as error:  # obstacles or a start that leave no way to go
+        raise InputError(str(error)) from error
+    advance()
+    states = jax.block_until_ready(run_missions(scenario, planner, missions, jax.random.key(seed)))
+    advance()
+    mapping = None if field is None else field.mapping
+    episode = Episode.from_state(scenario, name, options, seed, missions, states, mapping=mapping)
+    _ = episode.metrics  # computed here, under its own step
+    advance()
+    return episode
+
+
+def _write_files(
+    episode: "Episode", folder: Path, advance: Callable[[], None], drawn: Callable[[int, int], None] | None
+) -> None:
+    from maipp.simulator.episode_io import measurements_csv, waypoints_csv, write_episode
+    from maipp.viz import save_animation, save_overview
+
+    write_episode(episode, folder / "episode.json")
+    write_atomic(folder / "waypoints.csv", waypoints_csv(episode))
+    write_atomic(folder / "measurements.csv", measurements_csv(episode))
+    save_overview(episode, folder / "overview.png")
+    advance()
+    if drawn is not None:
+        save_animation(episode, folder / "mission", drawn)

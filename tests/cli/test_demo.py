@@ -1,0 +1,30 @@
+"""The demonstration's world: a real piece of sea bed, in metres and degrees."""
+
+import numpy as np
+import pytest
+
+from maipp.cli.demo import DEPTH, INTERESTING, START, bathymetry, scenario_for
+
+
+def test_the_demo_s_field_is_the_strait():
+    field = bathymetry()
+    depth = np.asarray(field.values) * DEPTH
+    assert depth.min() == 0.0 and 400 < depth.max() < 500
+    scenario = scenario_for(field.mapping)
+    assert scenario.extent == field.domain
+    assert 0.05 < (depth >= INTERESTING).mean() < 0.25
+    assert field.mapping.to_file_values(scenario.threshold) == pytest.approx(INTERESTING)
+    assert field.mapping.to_file_points(np.array(scenario.start)) == pytest.approx(np.array(START))
+    # A degree of longitude is shorter than one of latitude there: the proportions are metric.
+    scale_x, scale_y = (size / side for size, side in zip(field.mapping.size, field.domain, strict=True))
+    assert scale_y / scale_x == pytest.approx(np.cos(np.radians(49.4)), abs=0.01)
+
+
+@pytest.mark.slow
+def test_the_demo_leaves_five_files(tmp_path, capsys):
+    from maipp.cli.demo import Demo, run
+
+    assert run(Demo(out=tmp_path, planner="random")) == 0
+    assert len(list(tmp_path.iterdir())) == 5
+    printed = capsys.readouterr().out
+    assert "deeper than 150 m" in printed and "m (RMSE)" in printed

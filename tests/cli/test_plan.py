@@ -1,0 +1,134 @@
+"""`maipp plan`: five files or none, in the units that the person uses, and one clear line for what is wrong."""
+
+import csv
+
+import numpy as np
+import pytest
+from matplotlib.animation import FFMpegWriter
+
+import maipp.viz
+from maipp.cli.plan import Plan, run
+from maipp.errors import InputError
+from maipp.simulator.episode import replay
+from maipp.simulator.episode_io import read_episode
+
+SMALL = (("scenario.grid=8", "scenario.nodes=12", "scenario.neighbours=4"),)
+FILES = ["episode.json", "measurements.csv", "mission.gif", "overview.png", "waypoints.csv"]
+
+
+def small(out, **flags):
+    return Plan(**({"planner": "random", "agents": 2, "budget": (1.0,), "settings": SMALL, "out": out} | flags))
+
+
+@pytest.fixture(autouse=True)
+def no_ffmpeg(monkeypatch):
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+
+
+@pytest.fixture
+def raster(tmp_path):
+    """A file of 6 x 11 values without coordinates, which --corners puts at x 100..200, y 40..90."""
+    path = tmp_path / "depths.npy"
+    np.save(path, np.add.outer(np.linspace(5, 20, 6), np.linspace(0, 10, 11)))
+    return path
+
+
+CORNERS = (100.0, 200.0, 40.0, 90.0)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_survey_leaves_five_files_that_agree(tmp_path, capsys):
+    out = tmp_path / "new" / "out"
+    assert run(small(out, seed=3)) == 0
+    assert names(out) == FILES
+    episode = read_episode(out / "episode.json")
+    assert (episode.planner, episode.seed, episode.scenario.agents) == ("random", 3, 2)
+    assert replay(episode).trace == pytest.approx(episode.metrics.trace, rel=1e-6)
+    assert replay(episode).rmse == pytest.approx(episode.metrics.rmse, rel=1e-6)
+    with open(out / "measurements.csv", newline="") as file:
+        assert len(list(csv.reader(file))) == 1 + sum(len(agent.measurement_y) for agent in episode.agents)
+    printed = capsys.readouterr().out
+    assert f"{episode.metrics.trace:.4g}" in printed and f"{episode.metrics.rmse:.4g}" in printed
+    for name in FILES:
+        assert f"wrote {out / name}" in printed
+
+
+def test_a_field_from_a_file_is_surveyed_in_its_units(tmp_path, raster):
+    out = tmp_path / "out"
+    flags = {"field": raster, "corners": CORNERS, "start": (120.0, 50.0), "threshold": 20.0, "animation": False}
+    assert run(small(out, **flags)) == 0
+    assert names(out) == [name for name in FILES if name != "mission.gif"]
+    episode = read_episode(out / "episode.json")
+    assert episode.scenario.extent == (1.0, 0.5)
+    assert episode.scenario.start == pytest.approx((0.2, 0.1))
+    assert episode.scenario.threshold == pytest.approx((20.0 - 5.0) / 25.0)
+    with open(out / "measurements.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        x, y, value = float(row["x"]), float(row["y"]), float(row["value"])
+        assert 100 <= x <= 200 and 40 <= y <= 90
+        assert value == pytest.approx(5 + 15 * (y - 40) / 50 + 10 * (x - 100) / 100, abs=1e-3)
+    with open(out / "waypoints.csv", newline="") as file:
+        last = list(csv.DictReader(file))[-1]
+    assert float(last["distance"]) == pytest.approx(100 * episode.agents[-1].distance, rel=1e-5)
+
+
+def test_a_folder_in_use_gets_all_new_files_and_no_old_film(tmp_path):
+    for name in ("mission.mp4", "episode.json", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    run(small(tmp_path, animation=False))
+    assert names(tmp_path) == ["episode.json", "measurements.csv", "notes.txt", "overview.png", "waypoints.csv"]
+    assert read_episode(tmp_path / "episode.json").planner == "random"
+
+
+def test_an_interrupted_survey_leaves_nothing(tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(maipp.viz, "save_overview", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run(small(tmp_path))
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ({"invert": True}, "--invert: .* give --field FILE"),
+        ({"corners": CORNERS}, "--corners: .* give --field FILE"),
+        ({"seed": -1}, "--seed: -1 is out of range"),
+        ({"seed": 10**20}, "--seed: 1000"),
+        ({"start": (2.0, 0.5)}, r"start: \(2.0, 0.5\) is outside the domain"),
+        ({"planner": "no-such"}, "no planner 'no-such'"),
+        ({"settings": (("spin=3",),)}, "spin"),
+        ({"settings": (("scenario.obstacles=[[[0,0],[1,0],[1,1],[0,1]]]",),)}, "no room to start from"),
+    ],
+)
+def test_bad_flags_are_named_before_anything_is_written(tmp_path, flags, message):
+    with pytest.raises(InputError, match=message):
+        run(small(tmp_path, **flags))
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ({"start": (20.0, 50.0)}, "--start: 20 50 is outside the field; give x from 100 to 200 and y from 40 to 90"),
+        ({"low": 9.0, "high": 3.0}, "low must be below high"),
+        ({"value": "depth"}, "leave out value"),
+        ({"geographic": True, "corners": (0.0, 720.0, 0.0, 1.0)}, "geographic needs degrees"),
+    ],
+)
+def test_bad_flags_for_a_file_are_named(tmp_path, raster, flags, message):
+    with pytest.raises(InputError, match=message):
+        run(small(tmp_path / "out", **({"field": raster, "corners": CORNERS} | flags)))
+
+
+def test_an_output_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(InputError, match="taken: is a file; give a folder"):
+        run(small(tmp_path / "taken"))
+    assert (tmp_path / "taken").read_text() == "mine"
