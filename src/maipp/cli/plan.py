@@ -136,7 +136,10 @@ def report(episode: "Episode", paths: list[Path]) -> None:
     """Print the survey's numbers and the paths of its files to standard output."""
     metrics, units, scenario = episode.metrics, episode.units, episode.scenario
     scale = units.length_scale
-    distances = ", ".join(f"{agent.distance * (scale or 1.0):.4g}" for agent in episode.agents)
+    lengths = [agent.distance * (scale or 1.0) for agent in episode.agents]
+    distances = ", ".join(f"{length:.4g}" for length in lengths)
+    if len(lengths) > 4:
+        distances = f"{sum(lengths):.4g} in all, {min(lengths):.4g} to {max(lengths):.4g} each,"
     table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
     table.add_column()
     table.add_column(justify="left")
