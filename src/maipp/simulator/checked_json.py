@@ -14,7 +14,7 @@ _WIDTH = 118  # lists of numbers that are shorter stay on one line
 
 
 class Key:
-    """A value in a file together with where it stands; whatever is not as asked for raises an `InputError` naming it."""
+    """A value in a file together with where it stands; what is not as asked for raises an `InputError` naming it."""
 
     def __init__(self, source: str, name: str, value: Any) -> None:
         self.source, self.name, self.value = source, name, value
