@@ -205,6 +205,13 @@ class Scenario:
         meaning="nearest other nodes each roadmap node is joined to",
         source=f"{_PAPER}, Sec. IV-E (k)",
     )
+    last_leg: str = _option(
+        "cut",
+        checks.choice("cut", "stop"),
+        Quantity("a last-leg rule", "no unit", "cut or stop"),
+        meaning="what a roadmap agent does whose budget reaches no neighbour: travel until it is spent, or stop",
+        source="cut gives the measured baseline rows (docs/protocol.md)",
+    )
 
     def __post_init__(self) -> None:
         try:

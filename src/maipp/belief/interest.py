@@ -1,6 +1,7 @@
 """The high-interest area and the quality measures taken over it."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from maipp.belief.posterior import Belief
@@ -51,6 +52,23 @@ class Interest(eqx.Module):
     ) -> Float[Array, "*b"]:
         """Tr(P) over the predicted high-interest area of this mean and variance; leading axes are kept."""
         return jnp.sum(jnp.where(self.area(mean, variance, inside), variance, 0.0), axis=-1)
+
+    def soft_trace(
+        self,
+        mean: Float[Array, "*b q"],
+        variance: Float[Array, "*b q"],
+        inside: Bool[Array, " q"],
+        temperature: float,
+    ) -> Float[Array, "*b"]:
+        """Tr(P) with a smooth area border: differentiable in the variance, the exact trace as `temperature` -> 0.
+
+        A point counts by the logistic of how far its upper confidence bound is above the threshold, in units of
+        `temperature` (normalised field units).
+        """
+        # The square root has no slope at a variance of zero; a point that well known weighs nothing.
+        bound = upper_confidence_bound(mean, jnp.maximum(variance, 1e-8), self.beta, self.rule)
+        weight = jax.nn.sigmoid((bound - self.threshold) / temperature)
+        return jnp.sum(jnp.where(inside, weight * variance, 0.0), axis=-1)
 
 
 def trace(variance: Float[Array, "*q"], area: Bool[Array, "*q"]) -> Float[Array, ""]:

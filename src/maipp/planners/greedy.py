@@ -26,7 +26,7 @@ class Greedy(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""
-        here = edges_here(observation)
+        here = edges_here(self.scenario, observation)
         belief = observation.belief
         if self.shared:
             valid = observation.heard & jnp.isfinite(observation.messages[:, 0])

@@ -15,6 +15,6 @@ class RandomWalk(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """A random reachable neighbour; stops when there is none."""
-        here = edges_here(observation)
+        here = edges_here(self.scenario, observation)
         choice = jax.random.categorical(key, jnp.where(here.allowed, 0.0, -jnp.inf))
         return Decision(here.targets[choice][None], self.empty_message(), memory, ~here.allowed.any())

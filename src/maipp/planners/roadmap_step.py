@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.roadmap import Roadmap
-from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Index, Int
 
@@ -26,22 +26,23 @@ def current_node(roadmap: Roadmap, position: Float[Array, "2"]) -> Index:
     return jnp.argmin(jnp.sum(offset * offset, axis=-1)).astype(jnp.int32)
 
 
-def edges(roadmap: Roadmap, node: Index, remaining: Float[Array, ""]) -> Edges:
-    """The edges from `node` to its neighbours; an edge as long as the remaining budget is allowed."""
+def edges(roadmap: Roadmap, node: Index, remaining: Float[Array, ""], last_leg: str = "stop") -> Edges:
+    """The edges from `node` to its neighbours that the remaining budget allows.
+
+    `last_leg="stop"` allows edges no longer than the remaining budget, so an agent stops where it reaches no neighbour;
+    `"cut"` allows every edge while any budget is left, and the engine cuts the leg at the budget.
+    """
     target_nodes = jnp.asarray(roadmap.neighbours)[node]
     lengths = jnp.asarray(roadmap.distances)[node]
+    within = lengths <= remaining + DISTANCE_TOLERANCE if last_leg == "stop" else remaining > DISTANCE_TOLERANCE
     # An edge of length zero (coincident nodes) goes nowhere, and an agent that goes nowhere has stopped.
-    allowed = (
-        jnp.asarray(roadmap.reachable)[node]
-        & (lengths <= remaining + DISTANCE_TOLERANCE)
-        & (lengths > DISTANCE_TOLERANCE)
-    )
+    allowed = jnp.asarray(roadmap.reachable)[node] & within & (lengths > DISTANCE_TOLERANCE)
     return Edges(node, jnp.asarray(roadmap.nodes)[target_nodes], target_nodes, lengths, allowed)
 
 
-def edges_here(observation: Observation) -> Edges:
+def edges_here(scenario: Scenario, observation: Observation) -> Edges:
     """The edges the due agent may take. Raises ValueError where the mission was drawn without roadmaps."""
     if observation.roadmap is None:
         raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
     node = current_node(observation.roadmap, observation.position)
-    return edges(observation.roadmap, node, observation.remaining)
+    return edges(observation.roadmap, node, observation.remaining, scenario.last_leg)

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.lookahead import measurement_offsets, predicted_trace
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -36,8 +37,9 @@ def grow_tree(
     offsets: Float[Array, " h"],
     vertices: int,
 ) -> Tree:
-    """An RRT of `nodes` nodes with edges of length `branch` or less (LaValle 1998)."""
-    samples = jax.random.uniform(key, (nodes, 2), root.dtype) * jnp.asarray(extent, root.dtype)
+    """An RRT of `nodes` nodes with edges of length `branch` towards uniform samples (LaValle 1998)."""
+    sides = jnp.asarray(extent, root.dtype)
+    samples = jax.random.uniform(key, (nodes, 2), root.dtype) * sides
     index = jnp.arange(nodes)
     tree = Tree(
         position=jnp.broadcast_to(root, (nodes, 2)),
@@ -52,9 +54,11 @@ def grow_tree(
         squared = jnp.where(index < i, jnp.sum(offset * offset, axis=-1), jnp.inf)
         near = jnp.argmin(squared)
         distance = jnp.sqrt(squared[near])
-        step = jnp.minimum(distance, branch)
         start, begun = tree.position[near], tree.length[near]
-        end = start + (samples[i] - start) * (step / jnp.maximum(distance, 1e-9))
+        # Every edge is as long as a branch, past the sample if need be: with edges that end at the sample the tree
+        # has fewer long paths, and Tr(P) at B = 2 is 47 instead of the paper's 39.
+        end = jnp.clip(start + (samples[i] - start) * (branch / jnp.maximum(distance, 1e-9)), 0.0, sides)
+        step = jnp.sqrt(jnp.sum((end - start) ** 2))
         crossed = (offsets > begun + DISTANCE_TOLERANCE) & (offsets <= begun + step + DISTANCE_TOLERANCE)
         share = jnp.clip((offsets - begun) / jnp.maximum(step, 1e-9), 0.0, 1.0)[:, None]
         marks = jnp.where(crossed[:, None], start + share * (end - start), tree.marks[near])
@@ -79,14 +83,28 @@ class SgaRrt(Planner):
 
     lengths: tuple[float, float] = eqx.field(static=True, default=(0.3, 0.4))  # inclusive, domain units
     nodes: int = eqx.field(static=True, default=90)  # of the tree, root included
-    branch: float = eqx.field(static=True, default=0.1)  # longest edge, domain units
-    waypoints_per_decision: int = eqx.field(static=True, default=4, kw_only=True)  # edges may be short
+    branch: float = eqx.field(static=True, default=0.1)  # edge length, domain units
     execute: float = eqx.field(static=True, default=0.2)  # part of the path travelled before replanning
+
+    def check(self) -> None:
+        """Raise InputError for options that make no tree or no path."""
+        low, high = self.lengths
+        if not 0 < low <= high:
+            raise InputError(f"sga-rrt lengths={low},{high}: give 0 < shortest <= longest, e.g. 0.3,0.4")
+        if self.nodes < 2:
+            raise InputError(f"sga-rrt nodes={self.nodes}: a tree needs at least 2")
+        if not self.branch > 0 or not self.execute > 0:
+            raise InputError(f"sga-rrt branch={self.branch}, execute={self.execute}: both are lengths > 0")
+
+    @property
+    def waypoints_per_decision(self) -> int:
+        """Edges on the executed part of a path; one more, since edges that end at the border are shorter."""
+        return math.ceil(self.execute / self.branch - 1e-6) + 1
 
     @property
     def horizon(self) -> int:
         """Most measurements on a candidate path."""
-        return math.floor(self.lengths[1] / self.scenario.measurement_interval + 1e-6) + 1
+        return max(1, math.ceil(self.lengths[1] / self.scenario.measurement_interval - 1e-6))
 
     def empty_message(self) -> PyTree:
         """The announced path, as the measurements on it."""
@@ -112,15 +130,17 @@ class SgaRrt(Planner):
         candidate = jnp.where(candidate.any(), candidate, tree.length == longest)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         taken = (offsets <= tree.length[:, None] + DISTANCE_TOLERANCE) & affordable
+        # About a quarter of a tree's nodes are candidates: score no more than half of them.
+        ranked, some = lax.top_k(candidate.astype(jnp.float32), max(1, self.nodes // 2))
         score = predicted_trace(
             belief,
             self.interest,
             observation.inside,
-            tree.marks,
-            taken,
+            tree.marks[some],
+            taken[some],
             virtual_value=self.scenario.virtual_value,
         )
-        best = jnp.argmin(jnp.where(candidate, score, jnp.inf))
+        best = some[jnp.argmin(jnp.where(ranked > 0, score, jnp.inf))]
         times = jnp.where(taken[best], observation.time + offsets / observation.speed, jnp.inf)
         waypoints = _first_part(observation.position, tree.vertices[best], self.execute)
         return Decision(waypoints, Announcement(tree.marks[best], times), memory)

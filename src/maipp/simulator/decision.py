@@ -53,7 +53,11 @@ class Planner(eqx.Module):
     scenario: Scenario = eqx.field(static=True)
 
     uses_roadmap: ClassVar[bool] = False  # draw a roadmap for every agent
-    waypoints_per_decision: int = eqx.field(static=True, default=1, kw_only=True)
+
+    @property
+    def waypoints_per_decision(self) -> int:
+        """w: vertices of the polyline that `decide` returns."""
+        return 1
 
     @property
     def kernel(self) -> Matern32:
@@ -64,6 +68,14 @@ class Planner(eqx.Module):
     def interest(self) -> Interest:
         """The scenario's high-interest rule."""
         return Interest(self.scenario.threshold, self.scenario.beta, self.scenario.interest_rule)
+
+    @property
+    def missions_per_core(self) -> int:
+        """Missions that one CPU core steps together: fewer where a decision alone fills the core's cache."""
+        return 32
+
+    def check(self) -> None:
+        """Raise InputError where an option makes no sense; called once, before anything is compiled."""
 
     def empty_message(self) -> PyTree:
         """The message of an agent that has not decided yet (arrays without an agent axis)."""

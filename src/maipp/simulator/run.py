@@ -18,9 +18,7 @@ from maipp.simulator.mission import Mission
 from maipp.simulator.state import State, reset
 from maipp.typing import Key, Keys
 
-# Missions stepped together by one device. Larger batches fall out of a CPU core's cache, smaller ones pay XLA's
-# per-operation overhead; see `make bench`.
-CPU_CHUNK = 32
+# Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
 ACCELERATOR_CHUNK = 4096
 
 
@@ -29,9 +27,9 @@ def batch_size(missions: Mission) -> int:
     return missions.start.shape[0]
 
 
-def chunk_size() -> int:
+def chunk_size(planner: Planner) -> int:
     """Missions that one device steps together."""
-    return CPU_CHUNK if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
+    return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
 
 
 def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys) -> State:
@@ -59,17 +57,18 @@ def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: 
     )
 
 
-def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key) -> State:
+def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, first: int = 0) -> State:
     """Final states of a batch of missions (leading axis b on every array).
 
-    Mission i draws its randomness from `fold_in(key, i)`, so a mission's record does not depend on the batch it ran
-    in, up to floating-point rounding of batched matrix products.
+    Mission i draws its randomness from `fold_in(key, first + i)`, so a mission's record does not depend on the batch
+    it ran in, up to floating-point rounding of batched matrix products. `first` is the number of the batch's first
+    mission where a longer batch runs in parts.
     """
     count = batch_size(missions)
     devices = len(missions_devices())
-    chunk = min(chunk_size(), math.ceil(count / devices))
+    chunk = min(chunk_size(planner), math.ceil(count / devices))
     padded = math.ceil(count / (devices * chunk)) * devices * chunk
     index = jnp.minimum(jnp.arange(padded), count - 1)
-    keys = jax.vmap(partial(jax.random.fold_in, key))(index)
+    keys = jax.vmap(partial(jax.random.fold_in, key))(first + index)
     final = _run_sharded(scenario, planner, jax.tree.map(lambda a: a[index], missions), keys, chunk)
     return jax.tree.map(lambda a: a[:count], final)
