@@ -1,0 +1,139 @@
+"""What every registered planner must keep, whatever it plans: the laws of the survey and of its roadmap."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from shapely.geometry import LineString, Polygon
+
+from maipp.planners import make_planner, planner_names
+from maipp.scenario import Scenario
+from maipp.simulator import draw_missions, run_missions
+
+WALL = ((0.35, 0.3), (0.65, 0.3), (0.65, 1.1), (0.35, 1.1))
+SMALL: Any = {"grid": 8, "nodes": 20, "neighbours": 5}
+SCENARIOS = {
+    # Everything unequal, and hearing each other only now and then.
+    "team": Scenario(agents=3, budget=(0.9, 0.55, 0.15), speed=(1.0, 0.6, 1.7), comm_range=0.3, **SMALL),
+    "alone": Scenario(agents=1, budget=0.7, extent=(1.5, 0.8), interest_rule="variance", **SMALL),
+    "walled": Scenario(agents=2, budget=0.8, obstacles=(WALL,), last_leg="stop", virtual_value="zero", **SMALL),
+}
+MISSIONS = 3
+# Planners whose plan may be done before the budget is.
+MAY_STOP_EARLY = ("lawnmower",)
+
+
+@pytest.fixture(scope="module")
+def survey():
+    """Runs a planner on a scenario, once."""
+    done = {}
+
+    def run(name, setting):
+        if (name, setting) not in done:
+            scenario = SCENARIOS[setting]
+            planner = make_planner(name, scenario)
+            missions = draw_missions(scenario, seed=4, instances=MISSIONS, roadmaps=planner.uses_roadmap)
+            states = run_missions(scenario, planner, missions, jax.random.key(2))
+            done[name, setting] = planner, missions, jax.tree.map(np.asarray, states)
+        return done[name, setting]
+
+    return run
+
+
+def routes(states):
+    """Mission, agent, vertices and times of every route."""
+    for b in range(states.route.shape[0]):
+        for agent in range(states.route.shape[1]):
+            count = states.route_length[b, agent]
+            yield b, agent, states.route[b, agent, :count].astype(np.float64), states.route_time[b, agent, :count]
+
+
+every_planner = pytest.mark.parametrize("name", planner_names())
+
+
+@every_planner
+@pytest.mark.parametrize("setting", SCENARIOS)
+def test_the_laws_of_the_survey_hold(survey, name, setting):
+    scenario = SCENARIOS[setting]
+    _, missions, states = survey(name, setting)
+    assert not states.active.any()
+    assert (states.odometer > 0).all()  # nobody stops where it stands
+    assert (states.odometer <= np.asarray(missions.budgets) + 2e-6).all()
+    for b, agent, route, times in routes(states):
+        assert (route >= 0).all() and (route <= np.array(scenario.extent)).all()
+        distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route, axis=0), axis=1))])
+        assert distance[-1] == pytest.approx(states.odometer[b, agent], abs=5e-6)
+        np.testing.assert_allclose(times * scenario.speeds[agent], distance, atol=1e-4)
+        marks = scenario.measurement_interval * np.arange(1, scenario.measurements_per_agent + 1)
+        count = int(np.sum(marks <= distance[-1] + 1e-5))
+        assert np.isfinite(states.measurement_time[b, agent]).sum() == count
+        for axis in (0, 1):
+            expected = np.interp(marks[:count], distance, route[:, axis])
+            np.testing.assert_allclose(states.measurement_x[b, agent, :count, axis], expected, atol=1e-5)
+        field = jax.tree.map(lambda a, b=b: a[b], missions.field)
+        truth = field(jnp.asarray(states.measurement_x[b, agent]))[:count]
+        np.testing.assert_allclose(states.measurement_y[b, agent, :count], truth, atol=1e-5)
+
+
+@every_planner
+@pytest.mark.parametrize("setting", ["team", "alone"])
+def test_the_budget_is_used_up(survey, name, setting):
+    if name in MAY_STOP_EARLY:
+        pytest.skip("its plan may end before")
+    _, missions, states = survey(name, setting)
+    np.testing.assert_allclose(states.odometer, missions.budgets, atol=2e-5)
+
+
+def node_of(nodes, place):
+    """The roadmap node at a place; None where there is none."""
+    distance = np.linalg.norm(nodes - place, axis=1)
+    return int(np.argmin(distance)) if distance.min() < 2e-5 else None
+
+
+@every_planner
+@pytest.mark.parametrize("setting", SCENARIOS)
+def test_roadmap_planners_travel_along_edges(survey, name, setting):
+    planner, missions, states = survey(name, setting)
+    if not planner.uses_roadmap:
+        pytest.skip("it plans in the plane")
+    for b, agent, route, _ in routes(states):
+        roadmap = jax.tree.map(lambda a, b=b, agent=agent: np.asarray(a[b, agent]), missions.roadmap)
+        places = [node_of(roadmap.nodes, vertex) for vertex in route]
+        assert places[0] == 0
+        for leg, (here, there) in enumerate(zip(places[:-1], places[1:], strict=True)):
+            assert here is not None
+            ends = roadmap.neighbours[here][roadmap.reachable[here]]
+            if there in ends:
+                continue
+            # Only the last leg may end between two nodes, on an edge that was too long for the budget.
+            assert leg == len(places) - 2 and SCENARIOS[setting].last_leg == "cut"
+            moved = route[-1] - roadmap.nodes[here]
+            edges = roadmap.nodes[ends] - roadmap.nodes[here]
+            edges = edges[np.linalg.norm(edges, axis=1) > np.linalg.norm(moved)]
+            beside = np.abs(edges @ [[0, 1], [-1, 0]] @ moved) / np.linalg.norm(edges, axis=1)
+            assert (beside[edges @ moved > 0] < 2e-5).any()
+
+
+@every_planner
+def test_agents_whose_rule_is_to_stop_do_so_where_no_neighbour_is_in_reach(survey, name):
+    planner, missions, states = survey(name, "walled")
+    if not planner.uses_roadmap:
+        pytest.skip("it plans in the plane")
+    for b, agent, route, _ in routes(states):
+        roadmap = jax.tree.map(lambda a, b=b, agent=agent: np.asarray(a[b, agent]), missions.roadmap)
+        here = node_of(roadmap.nodes, route[-1])
+        assert here is not None
+        left = float(missions.budgets[b, agent]) - states.odometer[b, agent]
+        assert (roadmap.distances[here][roadmap.reachable[here]] > left - 1e-5).all()
+
+
+@every_planner
+def test_roadmap_planners_keep_out_of_no_go_zones(survey, name):
+    planner, _, states = survey(name, "walled")
+    if not planner.uses_roadmap:
+        pytest.skip("it plans in the plane")
+    wall = Polygon(WALL).buffer(-1e-5)
+    for *_, route, _ in routes(states):
+        assert not LineString(route).intersects(wall)

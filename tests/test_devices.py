@@ -1,0 +1,103 @@
+"""One JAX device per core. Every case is a process of its own: JAX counts its devices once."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+
+SETTINGS = ("NPROC", "OPENBLAS_NUM_THREADS", "XLA_FLAGS")
+REPORT = """
+import json, os, jax
+from maipp.devices import missions_devices
+print(json.dumps({
+    "devices": len(jax.local_devices()),
+    "missions": len(missions_devices()),
+    **{name: os.environ.get(name) for name in ("NPROC", "OPENBLAS_NUM_THREADS", "XLA_FLAGS")},
+}))
+"""
+
+
+def run(code, **environment):
+    """What the report prints after `code` ran in a fresh process, without the settings of the tests."""
+    clean = {k: v for k, v in os.environ.items() if k not in SETTINGS and k != "JAX_NUM_CPU_DEVICES"}
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code) + REPORT],
+        env=clean | {"JAX_PLATFORMS": "cpu", "PYTHONPATH": os.pathsep.join(sys.path)} | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_without_it_missions_run_on_one_device():
+    """Also where JAX was told to show more: someone who did not ask for all cores may have other plans for them."""
+    found = run("", JAX_NUM_CPU_DEVICES="3")
+    assert (found["devices"], found["missions"]) == (3, 1)
+
+
+def test_every_core_becomes_a_device():
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    found = run("from maipp.devices import use_all_cores; use_all_cores()")
+    assert found["devices"] == found["missions"] == cores
+
+
+def test_the_number_of_cores_may_be_given_and_the_first_call_counts():
+    found = run("from maipp.devices import use_all_cores; use_all_cores(3); use_all_cores(5)")
+    assert found["devices"] == found["missions"] == 3
+    assert int(found["NPROC"]) >= 4 * 3
+    assert found["OPENBLAS_NUM_THREADS"] == "1"
+    assert found["XLA_FLAGS"] == "--xla_cpu_multi_thread_eigen=false"
+
+
+def test_what_the_user_set_stays():
+    code = "from maipp.devices import use_all_cores; use_all_cores(2)"
+    given = {"NPROC": "64", "OPENBLAS_NUM_THREADS": "3", "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=true"}
+    found = run(code, **given)
+    assert {name: found[name] for name in SETTINGS} == given
+    kept = run(code, XLA_FLAGS="--xla_cpu_enable_fast_math=false")
+    assert kept["XLA_FLAGS"] == "--xla_cpu_enable_fast_math=false --xla_cpu_multi_thread_eigen=false"
+
+
+def test_importing_maipp_devices_does_not_import_jax():
+    """Its settings come too late for an XLA that is already loaded."""
+    code = "import sys, maipp.devices; sys.exit('jax' in sys.modules)"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    assert subprocess.run([sys.executable, "-c", code], env=environment, timeout=60).returncode == 0
+
+
+def test_too_late_a_call_is_an_error():
+    """JAX cannot add devices once it has counted them; going on with one core would be silent and slow."""
+    code = """
+    import jax
+    jax.devices()
+    from maipp.devices import use_all_cores
+    try:
+        use_all_cores(2)
+    except RuntimeError as error:
+        assert "before" in str(error), error
+    else:
+        raise AssertionError("accepted")
+    """
+    found = run(code)
+    assert (found["devices"], found["missions"]) == (1, 1)
+
+
+def test_missions_run_on_all_devices_of_a_process_that_asked_for_them():
+    """The case that hung with a thread pool of one thread per device: a Cholesky in a loop on two devices."""
+    code = """
+    from maipp.devices import use_all_cores
+    use_all_cores(2)
+    import jax
+    from maipp.planners.greedy import Greedy
+    from maipp.scenario import Scenario
+    from maipp.simulator import draw_missions, run_missions
+    scenario = Scenario(agents=2, budget=0.6, grid=8, nodes=20, neighbours=5)
+    missions = draw_missions(scenario, seed=0, instances=4)
+    states = run_missions(scenario, Greedy(scenario), missions, jax.random.key(0))
+    assert not states.active.any()
+    assert len(states.route.sharding.device_set) == 2
+    """
+    assert run(code)["missions"] == 2
