@@ -1,0 +1,257 @@
+"""`python -m maipp.benchmarks.planner_table FILE ...`: results of `maipp evaluate --json` as Markdown tables.
+
+With `--page README.md` the tables replace what stands there between the two marker lines.
+"""
+
+import json
+import math
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from maipp.errors import InputError
+from maipp.files import write_atomic
+from maipp.planners import planner_options
+from maipp.scenario import Scenario
+
+START, END = "<!-- table:start -->", "<!-- table:end -->"
+
+METRICS = {
+    "trace": "Tr(P)",
+    "own_trace": "Tr(P) of the agents' own beliefs",
+    "true_trace": "Tr(P) over the true high-interest area",
+    "rmse": "RMSE",
+}
+_FORMAT = "maipp-evaluations"
+# A shortcut flag of `maipp evaluate` for each of these scenario fields; the others go by --set.
+_FLAGS = {"agents": "--agents", "length_scale": "--length-scale", "comm_range": "--comm-range", "field": "--field"}
+
+
+@dataclass(frozen=True)
+class PlannerTable:
+    """Turn results of `maipp evaluate --json` into Markdown tables: mean and standard error per planner and budget."""
+
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE [FILE ...]")]
+    """files that `maipp evaluate --json` wrote"""
+
+    metric: tuple[str, ...] = ("trace",)
+    """one table for each: trace, own_trace, true_trace, rmse"""
+
+    page: Path | None = None
+    """page to write them to, between its marker lines; left out: standard output"""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One evaluation as its file has it."""
+
+    row: Mapping[str, Any]  # an entry of "evaluations", see `Evaluation.to_dict`
+    file: str  # name of the file, without folders
+
+    @property
+    def budget(self) -> str:
+        """The budget as a column heading: one number, or one per agent."""
+        budget = self.row["scenario"]["budget"]
+        return ",".join(f"{length:g}" for length in (budget if isinstance(budget, list) else [budget]))
+
+    @property
+    def setting(self) -> dict[str, Any]:
+        """The scenario's fields that are not at their defaults, budget aside; the agents always."""
+        default, scenario = Scenario().to_dict(), self.row["scenario"]
+        return {k: v for k, v in scenario.items() if k == "agents" or (k != "budget" and v != default[k])}
+
+    @property
+    def options(self) -> dict[str, str]:
+        """The planner's options that are not at their defaults, as one types them; all of them where it is gone."""
+        try:
+            defaults = {option.name: option.default for option in planner_options(self.row["planner"])}
+        except InputError:  # a planner from a file that is no longer there
+            defaults = {}
+        return {k: _typed(v) for k, v in self.row["options"].items() if _typed(v) != _typed(defaults.get(k, MISSING))}
+
+    @property
+    def sample(self) -> tuple[int, int, int]:
+        """Instances, trials and seed."""
+        return self.row["instances"], self.row["trials"], self.row["seed"]
+
+    @property
+    def label(self) -> str:
+        """The planner and what is special about it."""
+        return " ".join([f"`{self.row['planner'].rpartition(':')[2]}`", *(f"{k}={v}" for k, v in self.options.items())])
+
+
+def read_results(files: Sequence[Path]) -> list[Result]:
+    """Every evaluation in the files, in order. Raises `InputError` for a file that is none of `maipp evaluate`'s."""
+    results = []
+    for path in files:
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        except ValueError as error:
+            raise InputError(f"{path}: not JSON: {error}") from None
+        if not isinstance(document, dict) or document.get("format") != _FORMAT:
+            raise InputError(f"{path}: not the results of an evaluation; give what `maipp evaluate --json FILE` wrote")
+        results += [Result(row, path.name) for row in document["evaluations"]]
+    if not results:
+        raise InputError("the files hold no evaluation; `maipp evaluate --json FILE` writes one per planner and budget")
+    return results
+
+
+def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",)) -> str:
+    """Markdown tables, one per scenario and metric, and below them what made them.
+
+    Raises `InputError` for an unknown metric and where two results claim the same cell.
+    """
+    settings = list({json.dumps(r.setting): r.setting for r in results}.values())
+    blocks = []
+    for setting in settings:
+        there = [r for r in results if r.setting == setting]
+        for number, metric in enumerate(metrics):
+            if metric not in METRICS:
+                raise InputError(f"metric {metric!r}: there is none of that name; give one of {', '.join(METRICS)}")
+            blocks.append(f"{METRICS[metric]}, {_setting_words(setting)}:")
+            blocks.append(_table(there, metric, facts=number == 0))
+    return "\n\n".join([*blocks, _notes(results), _commands(results)])
+
+
+def with_table(page: str, table: str) -> str:
+    """The page with the table between its marker lines. Raises `InputError` where they are missing."""
+    before, start, rest = page.partition(START)
+    _, end, after = rest.partition(END)
+    if not (start and end):
+        raise InputError(f"the page has no lines {START} and {END}; put them where the table should be")
+    return f"{before}{START}\n\n{table}\n\n{END}{after}"
+
+
+def mean_and_error(mean: float, se: float | None) -> str:
+    """`36.1 ± 0.8`: the error to two digits where it begins with a 1, else to one, the mean to the same place."""
+    if se is None or not se > 0:
+        return f"{mean:#.3g}".rstrip(".")
+    place = math.floor(math.log10(se))
+    decimals = max(0, -place + (se < 1.95 * 10.0**place))
+    return f"{mean:.{decimals}f} ± {se:.{decimals}f}"
+
+
+def _table(results: Sequence[Result], metric: str, *, facts: bool) -> str:
+    """One line per planner, one column per budget; with `facts` also what it sends and how long it thinks."""
+    budgets = sorted({r.budget for r in results}, key=lambda text: [float(part) for part in text.split(",")])
+    several = len({r.sample for r in results}) > 1
+    timed = facts and any(r.row["decision_ms"] for r in results)
+    lines: dict[tuple[Any, ...], dict[str, Result]] = {}
+    for result in results:
+        cells = lines.setdefault((result.label, result.sample), {})
+        if result.budget in cells:
+            where = f"{cells[result.budget].file} and {result.file}" if cells[result.budget].file != result.file else ""
+            raise InputError(f"{result.label} at budget {result.budget} is there twice {where}".strip() + "; keep one")
+        cells[result.budget] = result
+    heading = ["planner", *(f"B = {budget}" for budget in budgets)]
+    heading += ["instances x trials, seed"] * several + ["message, bytes"] * facts + ["decision, ms (p95)"] * timed
+    rows = []
+    for (label, (instances, trials, seed)), cells in lines.items():
+        values = [
+            mean_and_error(cells[b].row["summary"][metric]["mean"], cells[b].row["summary"][metric]["se"])
+            if b in cells
+            else ""
+            for b in budgets
+        ]
+        last = max(cells.values(), key=lambda r: budgets.index(r.budget)).row
+        time = last["decision_ms"]
+        sizes = [str(last["message_bytes"])] * facts
+        times = [f"{time['median']:.3g} ({time['p95']:.3g})" if time else ""] * timed
+        rows.append([label, *values, *[f"{instances} x {trials}, {seed}"] * several, *sizes, *times])
+    ruler = ["---"] + ["---:"] * (len(heading) - 1)
+    return "\n".join(f"| {' | '.join(row)} |" for row in [heading, ruler, *rows])
+
+
+def _setting_words(setting: Mapping[str, Any]) -> str:
+    others = [f"{key} {_typed(value)}" for key, value in setting.items() if key != "agents"]
+    return ", ".join([f"{setting['agents']} agent{'s' if setting['agents'] > 1 else ''}", *others])
+
+
+def _notes(results: Sequence[Result]) -> str:
+    """What the numbers are, how many missions they come from, and the machine."""
+    words = ["Mean ± standard error over instances; lower is better."]
+    samples = {r.sample for r in results}
+    if len(samples) == 1:
+        ((instances, trials, seed),) = samples
+        words.append(f"Each number: {instances} instances x {trials} trials, seed {seed}.")
+    if any(r.row["decision_ms"] for r in results):
+        words.append("Decision: median of one at a time, at the largest budget, compilation excluded.")
+    made = [
+        f"{m['cpu']}, {m['cores']} cores, JAX on {m['backend']}, {m['precision']}, "
+        f"maipp {v['maipp']}, jax {v['jax']}, Python {v['python']}"
+        for m, v in ((r.row["machine"], r.row["versions"]) for r in results)
+    ]
+    return " ".join(words) + "\nMade on " + "; and on ".join(dict.fromkeys(made)) + ":"
+
+
+def _commands(results: Sequence[Result]) -> str:
+    """The commands that regenerate the files, as a code block."""
+    groups: dict[str, list[Result]] = {}
+    for r in results:
+        timed = r.row["decision_ms"] is not None
+        groups.setdefault(json.dumps([r.file, r.setting, r.sample, sorted(r.options.items()), timed]), []).append(r)
+    lines = [shlex.join(_command(group)) for group in groups.values()]
+    files = dict.fromkeys(r.file for r in results)
+    return "\n".join(["```sh", *lines, shlex.join(["python", "-m", "maipp.benchmarks.planner_table", *files]), "```"])
+
+
+def _command(group: Sequence[Result]) -> list[str]:
+    """The words of the `maipp evaluate` that gives these results: one scenario, sample and set of options."""
+    first = group[0]
+    instances, trials, seed = map(str, first.sample)
+    settings = [f"{key}={value}" for key, value in first.options.items()]
+    flags = []
+    for key, value in first.setting.items():
+        if key in _FLAGS:
+            flags += [_FLAGS[key], _typed(value)]
+        else:
+            settings.append(f"scenario.{key}={_literal(value)}")
+    budgets = list(dict.fromkeys(r.budget for r in group))
+    if "," in budgets[0]:
+        settings.append(f"scenario.budget=[{budgets[0]}]")
+    else:
+        flags += ["--budget", *budgets]
+    words = ["maipp", "evaluate", "--planner", *dict.fromkeys(r.row["planner"] for r in group), *flags]
+    words += ["--set", *settings] if settings else []
+    words += ["--instances", instances, "--trials", trials, "--seed", seed]
+    return [*words, *["--no-timing"] * (first.row["decision_ms"] is None), "--json", first.file]
+
+
+def _typed(value: Any) -> str:
+    """The value as one types it after `--set`."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(_typed, value))
+    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
+
+
+def _literal(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def main(flags: PlannerTable) -> int:
+    """Print the tables or write them to the page; gives the exit code."""
+    try:
+        table = planner_table(read_results(flags.files), flags.metric)
+        if flags.page is None:
+            print(table)
+        else:
+            write_atomic(flags.page, with_table(flags.page.read_text(encoding="utf-8"), table))
+            print(f"wrote {flags.page}", file=sys.stderr)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {flags.page}: cannot be read: {error.strerror}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(PlannerTable, prog="python -m maipp.benchmarks.planner_table")))
