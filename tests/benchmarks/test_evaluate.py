@@ -47,7 +47,9 @@ def test_the_same_call_gives_the_same_numbers_and_another_seed_others():
 
 def test_another_budget_meets_the_same_worlds(monkeypatch):
     drawn = []
-    monkeypatch.setattr(module, "run_missions", lambda *inputs: drawn.append(inputs[2]) or run_missions(*inputs))
+    monkeypatch.setattr(
+        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[2]) or run_missions(*inputs, **named)
+    )
     for budget in (0.6, (0.4, 0.6)):
         evaluate(SCENARIO.replace(budget=budget), "greedy", instances=2, trials=3, seed=5, timing=False)
     np.testing.assert_array_equal(drawn[0].truth, drawn[1].truth)
@@ -56,14 +58,16 @@ def test_another_budget_meets_the_same_worlds(monkeypatch):
 
 
 def test_parts_cover_every_mission_once(monkeypatch, evaluation):
-    monkeypatch.setattr(module, "PART", 4)  # six missions: two parts of three
+    monkeypatch.setattr(module, "_BLOCKS_PER_PART", 1)
+    monkeypatch.setattr(module, "missions_devices", lambda: [None])
+    monkeypatch.setattr(module, "chunk_size", lambda planner: 3)  # six missions: two parts of three
     seen = []
     parts = evaluate(
         SCENARIO, "greedy", instances=2, trials=3, seed=5, timing=False, progress=lambda *at: seen.append(at)
     )
     assert seen == [(3, 6), (6, 6)]
     np.testing.assert_allclose(parts.values["trace"], evaluation.values["trace"], rtol=1e-5)
-    monkeypatch.setattr(module, "PART", 3)  # five missions: a part of three, and one of two that is padded
+    # Five missions: a part of three, and one of two that is padded.
     odd = evaluate(SCENARIO, "greedy", instances=5, trials=1, seed=5, timing=False).values["trace"]
     assert odd.shape == (5, 1) and len(np.unique(odd)) == 5
     np.testing.assert_allclose(odd[:2, 0], evaluation.values["trace"][:, 0], rtol=1e-5)
@@ -125,7 +129,9 @@ def test_message_bytes_count_what_is_told():
 def test_a_field_file_is_the_ground_truth_and_gives_the_domain_its_shape(tmp_path, monkeypatch):
     np.save(tmp_path / "ramp.npy", np.tile(np.linspace(0.0, 10.0, 21), (11, 1)))  # twice as wide as high
     drawn = []
-    monkeypatch.setattr(module, "run_missions", lambda *inputs: drawn.append(inputs[2]) or run_missions(*inputs))
+    monkeypatch.setattr(
+        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[2]) or run_missions(*inputs, **named)
+    )
     scenario = SCENARIO.replace(field=str(tmp_path / "ramp.npy"))
     result = evaluate(scenario, "greedy", instances=2, trials=1, timing=False)
     assert result.scenario == scenario.replace(extent=(1.0, 0.5))

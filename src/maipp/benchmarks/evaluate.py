@@ -4,12 +4,10 @@ import dataclasses
 import json
 import math
 import os
-import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -18,17 +16,19 @@ import numpy as np
 
 from maipp.benchmarks.latency import DecisionTime, decision_time
 from maipp.benchmarks.machine import machine, versions
+from maipp.devices import missions_devices
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
+from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, Planner, draw_missions, run_missions
 from maipp.simulator.metrics import Metrics, score_missions
+from maipp.simulator.run import chunk_size
 from maipp.typing import Float, Key
 
-# Missions between two calls of `progress`, and what an interrupt can lose. The planner's randomness is drawn per part,
-# so this number is part of the protocol: changing it changes every stochastic planner's results within their spread.
-PART = 100
+# Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose.
+_BLOCKS_PER_PART = 5
 
 # Mixed into the seed for the planner's randomness, so that it shares no key with the instances 0, 1, 2...
 _PLANNER_STREAM = 0xFFFFFFFF
@@ -152,14 +152,8 @@ def save_evaluations(evaluations: Sequence[Evaluation], path: str | os.PathLike[
 
     Raises `InputError` where the file cannot be written.
     """
-    target = Path(path)
-    temporary = target.parent / f".{secrets.token_hex(8)}.tmp"
     try:
-        try:
-            temporary.write_text(to_json(evaluations), encoding="utf-8")
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_atomic(path, to_json(evaluations))
     except OSError as error:
         raise InputError(f"{path}: cannot write the results: {error.strerror}") from None
 
@@ -175,13 +169,14 @@ def _run_in_parts(
 ) -> Metrics:
     """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
     count = missions.start.shape[0]
-    parts = math.ceil(count / PART)
-    size = math.ceil(count / parts)
+    block = chunk_size(planner) * len(missions_devices())
+    blocks = math.ceil(count / block)
+    size = min(count, block * math.ceil(blocks / math.ceil(blocks / _BLOCKS_PER_PART)))
     scored: list[Metrics] = []
     for first in range(0, count, size):
         index = np.minimum(np.arange(first, first + size), count - 1)
         part = jax.tree.map(lambda array, index=index: array[index], missions)
-        states = run_missions(scenario, planner, part, jax.random.fold_in(key, first))
+        states = run_missions(scenario, planner, part, key, first=first)
         done = min(first + size, count)
         metrics = jax.device_get(score_missions(scenario, part, states))
         scored.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))

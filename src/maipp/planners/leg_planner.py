@@ -37,8 +37,8 @@ class LegPlanner(Planner):
 
     @property
     def missions_per_core(self) -> int:
-        """A mission's candidates alone fill a core's cache."""
-        return 4
+        """Measured: 4 is a fifth slower, 32 gains nothing and needs twice the memory."""
+        return 16
 
     def plan_legs(
         self,

@@ -7,12 +7,14 @@ row `(k(p, Q) - (L^-1 k(X, p))^T V) / pivot`, and the variance falls by the squa
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax import lax
 
 from maipp.belief import Belief, Interest
 from maipp.typing import Array, Bool, Float, Vector
 
-# A virtual measurement on top of a real one has no variance left to remove; the floor keeps its row finite.
-_PIVOT_FLOOR = 1e-6
+# Added to the candidates' own covariance, in units of the float's spacing: a virtual measurement on top of a real one
+# has nothing left to remove, and rounding takes its residual variance to a little below zero.
+_NUGGET = 64
 
 
 def measurement_offsets(to_next: Float[Array, ""], interval: float, count: int) -> Vector:
@@ -44,37 +46,30 @@ class VirtualMeasurements(NamedTuple):
 
     rows: Float[Array, "c h q"]  # what each would add to V
     whitened: Float[Array, "c h n"]  # L^-1 k(X, p)
-    factor: list[list[Float[Array, " c"]]]  # lower triangular Cholesky factor of the candidates' own covariance
+    inverse_factor: Float[Array, "c h h"]  # inverse of the Cholesky factor of the candidates' own covariance
 
 
 def virtual_measurements(
     belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
 ) -> VirtualMeasurements:
-    """The rows that each candidate's measurements would add, taken in order; `taken=False` adds nothing."""
+    """The rows that each candidate's measurements would add; `taken=False` adds nothing."""
     prior = jnp.asarray(belief.kernel.variance, points.dtype)
     whitened = belief.whiten(points)
     residual = belief.kernel(points[:, :, None, :], belief.query) - whitened @ belief.whitened_query
     between = belief.kernel(points[:, :, None, :], points[:, None, :, :]) - jnp.einsum(
         "chn,cgn->chg", whitened, whitened
     )
-    rows: list[Array] = []
-    factor: list[list[Array]] = []
-    for i in range(points.shape[1]):
-        row = residual[:, i]
-        pivot = jnp.minimum(between[:, i, i], prior) + belief.noise
-        entries: list[Array] = []
-        for j in range(i):
-            entry = between[:, i, j]
-            for k in range(j):
-                entry = entry - entries[k] * factor[j][k]
-            entry = jnp.where(taken[:, j], entry / factor[j][j], 0.0)
-            row = row - entry[:, None] * rows[j]
-            pivot = pivot - entry * entry
-            entries.append(entry)
-        entries.append(jnp.sqrt(jnp.maximum(pivot, _PIVOT_FLOOR)))
-        rows.append(jnp.where(taken[:, i, None], row / entries[i][:, None], 0.0))
-        factor.append(entries)
-    return VirtualMeasurements(jnp.stack(rows, axis=1), whitened, factor)
+    pair = taken[:, :, None] & taken[:, None, :]
+    identity = jnp.eye(points.shape[1], dtype=points.dtype)
+    nugget = jnp.maximum(belief.noise, _NUGGET * jnp.finfo(points.dtype).eps * prior)
+    covariance = jnp.where(pair, between, prior * identity) + nugget * identity
+    inverse = lax.linalg.triangular_solve(
+        jnp.linalg.cholesky(covariance), jnp.broadcast_to(identity, covariance.shape), left_side=True, lower=True
+    )
+    # A candidate that float32 cannot factor all the same measures where everything is known: it adds nothing.
+    inverse = jnp.where(jnp.isfinite(inverse).all(axis=(1, 2), keepdims=True), inverse, 0.0)
+    rows = jnp.einsum("chg,cgq->chq", inverse, jnp.where(taken[:, :, None], residual, 0.0))
+    return VirtualMeasurements(rows, whitened, inverse)
 
 
 def predicted_variance(belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]) -> Float[Array, "c q"]:
@@ -102,9 +97,6 @@ def predicted_trace(
     mean = jnp.broadcast_to(belief.mean, variance.shape)
     if virtual_value == "zero":
         predicted = virtual.whitened @ belief.whitened_values  # (c, h) what the belief expects there
-        innovations: list[Array] = []
-        for i, entries in enumerate(virtual.factor):
-            known = sum((entries[j] * innovations[j] for j in range(i)), jnp.zeros_like(predicted[:, i]))
-            innovations.append(jnp.where(taken[:, i], (-predicted[:, i] - known) / entries[i], 0.0))
-        mean = mean + jnp.einsum("ch,chq->cq", jnp.stack(innovations, axis=1), virtual.rows)
+        innovation = jnp.einsum("chg,cg->ch", virtual.inverse_factor, jnp.where(taken, -predicted, 0.0))
+        mean = mean + jnp.einsum("ch,chq->cq", innovation, virtual.rows)
     return interest.trace(mean, variance, inside)
