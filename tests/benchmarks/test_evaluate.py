@@ -110,7 +110,7 @@ def test_json_holds_what_regenerates_it(evaluation, tmp_path):
 
 def test_a_file_that_cannot_be_written_is_told_and_leaves_nothing(evaluation, tmp_path):
     (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match="cannot write the results"):
+    with pytest.raises(InputError, match="cannot be written"):
         save_evaluations([evaluation], tmp_path / "folder")
     assert os.listdir(tmp_path) == ["folder"]
 

@@ -152,10 +152,7 @@ def save_evaluations(evaluations: Sequence[Evaluation], path: str | os.PathLike[
 
     Raises `InputError` where the file cannot be written.
     """
-    try:
-        write_atomic(path, to_json(evaluations))
-    except OSError as error:
-        raise InputError(f"{path}: cannot write the results: {error.strerror}") from None
+    write_atomic(path, to_json(evaluations))
 
 
 def to_json(evaluations: Sequence[Evaluation]) -> str:
