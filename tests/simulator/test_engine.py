@@ -306,10 +306,14 @@ def test_the_record_keeps_the_laws_of_motion(play, seed):
 
 
 def test_a_finished_mission_does_not_change(play):
-    _, states = play(SHORT, random_world(1))
-    assert not states.active[-3].any()
+    """Agent 0 stops first; it must not hear the others once more when all is over."""
+    _, states = play(GLOBAL, straight(budget=[0.3, 1.0, 1.0]))
+    end = int(states.events[-1])
+    assert end < EVENTS and not states.active[end].any()
+    assert states.known[end, 0].sum() < states.known[end, 1].sum()
     for leaf in jax.tree.leaves(states):
-        np.testing.assert_array_equal(leaf[-1], leaf[-3])
+        for later in range(end + 1, EVENTS + 1):
+            np.testing.assert_array_equal(leaf[later], leaf[end])
 
 
 def straight(start: Any = (0.05, 0.5), leg: Any = (0.15, 0.0), budget: Any = 1.0, speed: Any = 1.0):
@@ -335,6 +339,43 @@ def test_agents_that_arrive_together_decide_in_their_order(play, leg):
     # So the second knows what the first is up to, but the first not yet what the second is.
     np.testing.assert_array_equal(states.memory["messages"][3, 1, [0, 2]], [0, -1])
     np.testing.assert_array_equal(states.memory["messages"][3, 0, [1, 2]], [-1, -1])
+
+
+def test_arrivals_that_rounding_parts_are_simultaneous(play):
+    """Agent 0 arrives by two legs, agent 1 by one of the same length, at a float32 time just before."""
+    world = straight()
+    for share in np.linspace(0.11, 0.89, 40):
+        world.script[0, 0], world.script[0, 1] = world.start[0] + (0.3 * share, 0), world.start[0] + (0.3, 0)
+        world.script[1:, 0] = world.start[0] + (0.3, 0)
+        _, states = play(GLOBAL, world)
+        if states.arrival[4, 0] > states.arrival[4, 1]:
+            break
+    else:
+        raise AssertionError("no two arrivals that differ by rounding")
+    assert states.arrival[4, 0] - states.arrival[4, 1] < 1e-6
+    np.testing.assert_array_equal(states.memory["step"][5:8], states.memory["step"][4] + np.tri(3, dtype=int))
+
+
+@settings(max_examples=30)
+@given(seed=SEEDS)
+def test_a_leg_of_one_interval_ends_at_a_measurement(play, seed):
+    """However the lengths round: one measurement a leg, known at its end, and a whole interval to the next."""
+    rng = np.random.default_rng(seed)
+    world = straight(start=rng.uniform(0.4, 0.6, (AGENTS, 2)), speed=rng.uniform(0.3, 2.0, AGENTS))
+    angle = rng.uniform(0, 2 * np.pi, (AGENTS, DECISIONS))
+    step = INTERVAL * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    step[:, 1::2] = -step[:, ::2]  # out and back, so as to stay inside
+    ends = world.start[:, None] + np.cumsum(step, axis=1)
+    world.script[:] = ends[:, :, None].astype(np.float32)
+    _, states = play(GLOBAL, world)
+    np.testing.assert_array_equal(states.taken[-1], 5)
+    np.testing.assert_allclose(states.measurement_x[-1], ends[:, :5], atol=1e-5)
+    for number in range(1, int(states.events[-1]) + 1):
+        agent = int(np.argmax(states.memory["step"][number] - states.memory["step"][number - 1]))
+        taken = int(states.memory["step"][number, agent]) - 1
+        if taken < 5:
+            assert states.memory["to_next_measurement"][number, agent] == pytest.approx(INTERVAL, abs=1e-5)
+        assert states.known[number, agent, agent].sum() == min(taken, 5)
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def together(missions):
     return run_missions(SCENARIO, drift(), missions, KEY)
 
 
-def first(missions, count):
+def head(missions, count):
     return jax.tree.map(lambda a: a[:count], missions)
 
 
@@ -77,7 +77,10 @@ def test_another_key_gives_another_record_in_every_mission(missions, together):
 
 
 def test_a_mission_does_not_depend_on_the_batch_it_runs_in(missions, together):
-    assert_close(run_missions(SCENARIO, drift(), first(missions, 3), KEY), first(together, 3))
+    assert_close(run_missions(SCENARIO, drift(), head(missions, 3), KEY), head(together, 3))
+    # The later part of a batch, run for itself, knows where it begins.
+    rest = jax.tree.map(lambda a: a[2:], missions)
+    assert_close(run_missions(SCENARIO, drift(), rest, KEY, first=2), jax.tree.map(lambda a: a[2:], together))
 
 
 def test_a_planner_without_randomness_can_run_each_mission_alone(missions):
@@ -94,7 +97,7 @@ def test_chunks_and_devices_do_not_matter(missions, together, monkeypatch, chunk
     if len(jax.local_devices()) < devices:
         pytest.skip(f"needs {devices} devices")
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:devices])
-    monkeypatch.setattr(run, "chunk_size", lambda: chunk)
+    monkeypatch.setattr(run, "chunk_size", lambda planner: chunk)
     assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
 
 
@@ -102,7 +105,7 @@ def test_work_is_spread_over_the_devices(missions, monkeypatch):
     if len(jax.local_devices()) < 2:
         pytest.skip("needs 2 devices")
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:2])
-    states = run_missions(SCENARIO, drift(), first(missions, 4), KEY)
+    states = run_missions(SCENARIO, drift(), head(missions, 4), KEY)
     assert states.route.sharding.device_set == set(jax.local_devices()[:2])
 
 
@@ -116,7 +119,7 @@ def test_equal_calls_share_one_compilation(missions, together):
     short = run_missions(SCENARIO, drift(0.05), missions, KEY)
     assert Drift.traces == before
     assert (np.asarray(short.events) > np.asarray(together.events)).all()  # the new weights are the ones used
-    run_missions(SCENARIO, drift(), first(missions, 2), KEY)
+    run_missions(SCENARIO, drift(), head(missions, 2), KEY)
     assert Drift.traces > before  # the counter does count
 
 
