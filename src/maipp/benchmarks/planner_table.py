@@ -103,8 +103,8 @@ def read_results(files: Sequence[Path]) -> list[Result]:
     return results
 
 
-def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",)) -> str:
-    """Markdown tables, one per scenario and metric, and below them what made them.
+def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",), page: Path | None = None) -> str:
+    """Markdown tables, one per scenario and metric, and below them what made them and writes them to the page.
 
     Raises `InputError` for an unknown metric and where two results claim the same cell.
     """
@@ -117,7 +117,7 @@ def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",)
                 raise InputError(f"metric {metric!r}: there is none of that name; give one of {', '.join(METRICS)}")
             blocks.append(f"{METRICS[metric]}, {_setting_words(setting)}:")
             blocks.append(_table(there, metric, facts=number == 0))
-    return "\n\n".join([*blocks, _notes(results), _commands(results)])
+    return "\n\n".join([*blocks, _notes(results), _commands(results, metrics, page)])
 
 
 def with_table(page: str, table: str) -> str:
@@ -130,11 +130,10 @@ def with_table(page: str, table: str) -> str:
 
 
 def mean_and_error(mean: float, se: float | None) -> str:
-    """`36.1 ± 0.8`: the error to two digits where it begins with a 1, else to one, the mean to the same place."""
+    """`36.1 ± 1.2`: the error to two significant digits, the mean to the same place; three digits without an error."""
     if se is None or not se > 0:
         return f"{mean:#.3g}".rstrip(".")
-    place = math.floor(math.log10(se))
-    decimals = max(0, -place + (se < 1.95 * 10.0**place))
+    decimals = max(0, 1 - math.floor(math.log10(se)))
     return f"{mean:.{decimals}f} ± {se:.{decimals}f}"
 
 
@@ -180,7 +179,7 @@ def _notes(results: Sequence[Result]) -> str:
     samples = {r.sample for r in results}
     if len(samples) == 1:
         ((instances, trials, seed),) = samples
-        words.append(f"Each number: {instances} instances x {trials} trials, seed {seed}.")
+        words.append(f"Each number: {instances} instances x {trials} trial{'s' * (trials > 1)}, seed {seed}.")
     if any(r.row["decision_ms"] for r in results):
         words.append("Decision: median of one at a time, at the largest budget, compilation excluded.")
     made = [
@@ -191,15 +190,17 @@ def _notes(results: Sequence[Result]) -> str:
     return " ".join(words) + "\nMade on " + "; and on ".join(dict.fromkeys(made)) + ":"
 
 
-def _commands(results: Sequence[Result]) -> str:
-    """The commands that regenerate the files, as a code block."""
+def _commands(results: Sequence[Result], metrics: Sequence[str], page: Path | None) -> str:
+    """The commands that regenerate the files and the tables, as a code block."""
     groups: dict[str, list[Result]] = {}
     for r in results:
         timed = r.row["decision_ms"] is not None
         groups.setdefault(json.dumps([r.file, r.setting, r.sample, sorted(r.options.items()), timed]), []).append(r)
     lines = [shlex.join(_command(group)) for group in groups.values()]
-    files = dict.fromkeys(r.file for r in results)
-    return "\n".join(["```sh", *lines, shlex.join(["python", "-m", "maipp.benchmarks.planner_table", *files]), "```"])
+    words = ["python", "-m", "maipp.benchmarks.planner_table", *dict.fromkeys(r.file for r in results)]
+    words += ["--metric", *metrics] if tuple(metrics) != ("trace",) else []
+    words += ["--page", page.name] if page else []
+    return "\n".join(["```sh", *lines, shlex.join(words), "```"])
 
 
 def _command(group: Sequence[Result]) -> list[str]:
@@ -238,7 +239,7 @@ def _literal(value: Any) -> str:
 def main(flags: PlannerTable) -> int:
     """Print the tables or write them to the page; gives the exit code."""
     try:
-        table = planner_table(read_results(flags.files), flags.metric)
+        table = planner_table(read_results(flags.files), flags.metric, flags.page)
         if flags.page is None:
             print(table)
         else:
