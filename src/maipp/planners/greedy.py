@@ -19,6 +19,7 @@ class Greedy(Planner):
     shared: bool = eqx.field(static=True, default=False)
 
     uses_roadmap = True
+    avoids_obstacles = True
 
     def empty_message(self) -> PyTree:
         """The announced target: position (2,), NaN before the first decision."""

@@ -68,9 +68,10 @@ class Lawnmower(Planner):
         # Begin at the nearest of the four corners of the sweep.
         from_right = jnp.abs(start[0] - right) < jnp.abs(start[0] - left)
         from_top = start[1] > height / 2
-        vertex = jnp.arange(2 * rows)
+        vertex = jnp.arange(4 * rows - 2)
         row, second = vertex // 2, vertex % 2
-        y = (row + 0.5) * gap
+        # What is left of the budget after the last row is spent on the way back, between the rows.
+        y = jnp.where(row < rows, row + 0.5, 2 * rows - 1 - row) * gap
         y = jnp.where(from_top, height - y, y)
         at_right = ((row + second) % 2 == 1) ^ from_right
         return jnp.stack([jnp.where(at_right, right, left), y], axis=-1)

@@ -12,6 +12,7 @@ class RandomWalk(Planner):
     """Each step goes to a uniformly drawn neighbour that the budget can reach."""
 
     uses_roadmap = True
+    avoids_obstacles = True
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """A random reachable neighbour; stops when there is none."""

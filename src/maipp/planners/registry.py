@@ -51,7 +51,7 @@ register("sga-rrt", "maipp.planners.sga_rrt:SgaRrt", summary="best branch of a r
 register(
     "receding-horizon",
     "maipp.planners.receding_horizon:RecedingHorizon",
-    summary="anneals the next steps in the plane; joint=true: all agents together",
+    summary="next legs by gradient in the plane; joint=true: all agents together",
 )
 
 

@@ -53,6 +53,9 @@ class Planner(eqx.Module):
     scenario: Scenario = eqx.field(static=True)
 
     uses_roadmap: ClassVar[bool] = False  # draw a roadmap for every agent
+    avoids_obstacles: ClassVar[bool] = (
+        False  # its legs never cross a no-go zone; others are refused where there are any
+    )
 
     @property
     def waypoints_per_decision(self) -> int:

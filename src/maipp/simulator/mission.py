@@ -1,6 +1,7 @@
 """The world of one survey, drawn from a scenario: field, starts, roadmaps."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -8,10 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, sample_roadmaps
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Key, Keys
+from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -29,23 +31,48 @@ class Mission(eqx.Module):
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
 
 
-def instance_keys(seed: int, instances: int) -> Keys:
+# Uniform draws for a start; the first outside the no-go zones is taken.
+_START_DRAWS = 256
+
+
+def _instance_keys(seed: Int[Array, ""], instances: int) -> Keys:
     """One key per instance; instance i of a seed is the same world whatever the number of instances."""
     return jax.vmap(lambda i: jax.random.fold_in(jax.random.key(seed), i))(jnp.arange(instances))
 
 
-def _free_start(key: Key, scenario: Scenario, obstacles: Obstacles | None) -> Float[Array, "2"]:
-    """A uniform start outside the no-go zones."""
-    draws = np.asarray(jax.random.uniform(key, (256, 2))) * np.asarray(scenario.extent)
-    free = np.ones(len(draws), bool) if obstacles is None else obstacles.free(draws)
+@partial(jax.jit, static_argnums=(0, 1))
+def _draw_worlds(
+    scenario: Scenario, instances: int, seed: Int[Array, ""], field: Any
+) -> tuple[Array, Any, Array, Array]:
+    """Grid, ground truths as functions and on the grid, and draws to take the start from, in one compilation."""
+    grid = evaluation_grid(scenario.grid, scenario.extent)
+
+    def world(key: Key) -> tuple[Any, Array, Array]:
+        truth = field
+        if truth is None:
+            truth = sample_mixture(
+                jax.random.fold_in(key, 0),
+                components=scenario.mixture_components,
+                variance=scenario.mixture_variance,
+                extent=scenario.extent,
+                grid=grid,
+            )
+        return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
+
+    return grid, *jax.vmap(world)(_instance_keys(seed, instances))
+
+
+def _free_start(
+    draws: Float[np.ndarray, "d 2"], scenario: Scenario, obstacles: Obstacles | None
+) -> Float[np.ndarray, "2"]:
+    """The first uniform draw outside the no-go zones."""
+    points = draws * np.asarray(scenario.extent)
+    free = np.ones(len(points), bool) if obstacles is None else obstacles.free(points)
     if not free.any():
-        raise ValueError("scenario.obstacles: they leave no room to start from (256 uniform draws all fell inside)")
-    return jnp.asarray(draws[int(np.argmax(free))])
-
-
-def _device_array(array: np.ndarray) -> Array:
-    """The array on the device, floating point at JAX's precision."""
-    return jnp.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else None)
+        raise InputError(
+            f"obstacles: no room to start from ({len(points)} uniform draws fell inside); give a start, or cover less"
+        )
+    return points[int(np.argmax(free))]
 
 
 def draw_missions(
@@ -60,61 +87,58 @@ def draw_missions(
     """A batch of `instances * trials` missions, instance slowest.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
-    planners meet the same worlds. `field` replaces the random mixture by a given ground truth.
+    planners meet the same worlds. `field`, a pytree, replaces the random mixture by a given ground truth. Raises
+    InputError where obstacles leave no room.
     """
-    keys = instance_keys(seed, instances)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
-    grid = evaluation_grid(scenario.grid, scenario.extent)
-    inside = jnp.ones(grid.shape[0], bool) if obstacles is None else jnp.asarray(obstacles.free(np.asarray(grid)))
+    drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
+    grid, fields, truth, draws = drawn
+    inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:
-        starts = jnp.stack([_free_start(jax.random.fold_in(key, 1), scenario, obstacles) for key in keys])
-        starts = jnp.repeat(starts[:, None], scenario.agents, axis=1)
+        starts = np.stack([_free_start(each, scenario, obstacles) for each in draws])[:, None]
     else:
-        given = jnp.asarray(scenario.start, jnp.result_type(float)).reshape(-1, 2)
-        starts = jnp.broadcast_to(given, (instances, scenario.agents, 2))
-
-    def world(key: Key) -> tuple[Any, Array]:
-        drawn = (
-            sample_mixture(
-                jax.random.fold_in(key, 0),
-                components=scenario.mixture_components,
-                variance=scenario.mixture_variance,
-                extent=scenario.extent,
-                grid=grid,
-            )
-            if field is None
-            else field
-        )
-        return drawn, drawn(grid)
-
-    fields, truth = jax.jit(jax.vmap(world))(keys)
-    roadmap = None
-    if roadmaps:
-        drawn = [
-            sample_roadmaps(
-                np.random.default_rng([seed, i, trial]),
-                np.asarray(starts[i]),
-                nodes=scenario.nodes,
-                neighbours=scenario.neighbours,
-                extent=scenario.extent,
-                obstacles=scenario.obstacles,
-            )
-            for i in range(instances)
-            for trial in range(trials)
-        ]
-        roadmap = jax.tree.map(lambda *rows: _device_array(np.stack(rows)), *drawn)
+        starts = np.asarray(scenario.start).reshape(1, -1, 2)
+    starts = np.broadcast_to(starts, (instances, scenario.agents, 2))
     batch = instances * trials
 
-    def per_mission(array: Array) -> Array:
-        return jnp.broadcast_to(array, (batch, *array.shape))
+    def every(array: np.ndarray) -> Array:
+        """The same for each mission."""
+        return _device_array(np.broadcast_to(array, (batch, *array.shape)))
+
+    def each(array: np.ndarray) -> Array:
+        """The same for each trial of an instance."""
+        return _device_array(np.repeat(array, trials, axis=0))
 
     return Mission(
-        field=jax.tree.map(lambda a: jnp.repeat(a, trials, axis=0), fields),
-        grid=per_mission(grid),
-        truth=jnp.repeat(truth, trials, axis=0),
-        inside=per_mission(inside),
-        start=jnp.repeat(starts, trials, axis=0),
-        budgets=per_mission(jnp.asarray(scenario.budgets)),
-        speeds=per_mission(jnp.asarray(scenario.speeds)),
-        roadmap=roadmap,
+        field=jax.tree.map(each, fields),
+        grid=every(grid),
+        truth=each(truth),
+        inside=every(inside),
+        start=each(starts),
+        budgets=every(np.asarray(scenario.budgets)),
+        speeds=every(np.asarray(scenario.speeds)),
+        roadmap=_draw_roadmaps(scenario, seed, starts, trials) if roadmaps else None,
     )
+
+
+def _draw_roadmaps(scenario: Scenario, seed: int, starts: Float[np.ndarray, "i m 2"], trials: int) -> Roadmap:
+    """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
+    drawn = [
+        sample_roadmaps(
+            np.random.default_rng([seed, instance, trial]),
+            # Through the device's precision, so that node 0 is exactly where the agent starts.
+            start.astype(jnp.result_type(float)),
+            nodes=scenario.nodes,
+            neighbours=scenario.neighbours,
+            extent=scenario.extent,
+            obstacles=scenario.obstacles,
+        )
+        for instance, start in enumerate(starts)
+        for trial in range(trials)
+    ]
+    return jax.tree.map(lambda *rows: _device_array(np.stack(rows)), *drawn)
+
+
+def _device_array(array: np.ndarray) -> Array:
+    """The array on the device, floating point at JAX's precision."""
+    return jnp.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else None)

@@ -11,6 +11,7 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 
 from maipp.devices import missions_devices
+from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.simulator.decision import Planner
 from maipp.simulator.engine import step
@@ -62,8 +63,13 @@ def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: K
 
     Mission i draws its randomness from `fold_in(key, first + i)`, so a mission's record does not depend on the batch
     it ran in, up to floating-point rounding of batched matrix products. `first` is the number of the batch's first
-    mission where a longer batch runs in parts.
+    mission where a longer batch runs in parts. Raises InputError for obstacles that the planner does not avoid.
     """
+    if scenario.obstacles and not planner.avoids_obstacles:
+        raise InputError(
+            f"{type(planner).__name__}: this planner would cross the scenario's {len(scenario.obstacles)} obstacles; "
+            "use one that moves on a roadmap"
+        )
     count = batch_size(missions)
     devices = len(missions_devices())
     chunk = min(chunk_size(planner), math.ceil(count / devices))
