@@ -55,6 +55,28 @@ def test_interest_traces_its_own_area(mean, variance, inside, rule, beta):
     np.testing.assert_allclose(trace(variance[0], jnp.asarray(area[0])), expected[0], rtol=1e-5, atol=1e-6)
 
 
+@given(values, spreads, hnp.arrays(bool, 25), st.sampled_from(["std", "variance"]))
+def test_the_smooth_trace_becomes_the_trace(mean, variance, inside, rule):
+    """Away from the border of the area a small temperature changes nothing; a large one counts every point half."""
+    interest = Interest(0.4, 1.0, rule)
+    bound = np.asarray(upper_confidence_bound(jnp.asarray(mean), jnp.asarray(variance), 1.0, rule))
+    clear = jnp.asarray(inside & (np.abs(bound - 0.4) > 0.02).all(axis=0))
+    mean, variance = jnp.asarray(mean), jnp.asarray(variance)
+    sharp, exact = interest.soft_trace(mean, variance, clear, 1e-3), interest.trace(mean, variance, clear)
+    np.testing.assert_allclose(sharp, exact, rtol=1e-4, atol=1e-4)
+    half = 0.5 * np.where(inside, variance, 0.0).sum(axis=1)
+    np.testing.assert_allclose(
+        interest.soft_trace(mean, variance, jnp.asarray(inside), 1e5), half, rtol=1e-3, atol=1e-3
+    )
+
+
+def test_the_smooth_trace_has_a_slope_where_nothing_is_unknown():
+    interest = Interest()
+    slope = jax.grad(lambda v: interest.soft_trace(jnp.full(3, 0.5), v, jnp.ones(3, bool), 0.1))(jnp.zeros(3))
+    assert np.isfinite(slope).all()
+    assert (np.asarray(slope) > 0).all()
+
+
 def test_a_variance_rounded_below_zero_does_not_drop_a_point():
     assert bool(high_interest_area(jnp.array(0.5), jnp.array(-1e-9)))
     assert float(upper_confidence_bound(jnp.array(0.5), jnp.array(-1e-9), 1.0, "std")) == 0.5

@@ -244,6 +244,35 @@ def test_predict_agrees_with_the_query_predictions(seed):
         np.testing.assert_allclose(variance, belief.variance, rtol=0, atol=1e-10)
 
 
+def test_a_coarser_belief_is_the_belief_at_fewer_points():
+    _, x, y, mask, new_x, _ = draw(2)
+    belief = belief_of(x, y, mask)
+    index = np.arange(3, 36, 7)
+    coarse = belief.at(jnp.asarray(index))
+    for name in ("query", "mean", "variance", "std"):
+        np.testing.assert_array_equal(getattr(coarse, name), getattr(belief, name)[index])
+    point, value = jnp.asarray(new_x[0], jnp.float32), jnp.asarray(0.3)
+    np.testing.assert_allclose(append_(coarse, point, value).mean, append_(belief, point, value).mean[index], atol=1e-5)
+
+
+def test_gradients_in_the_measurements_are_those_of_finite_differences():
+    _, x, y, mask, _, _ = draw(4)
+
+    @jax.jit
+    def total(x, y):
+        belief = condition(KERNEL, x, y, jnp.asarray(mask), jnp.asarray(QUERY), 1e-4)
+        return jnp.sum(belief.mean**2) + jnp.sum(belief.variance)
+
+    with jax.enable_x64(True):
+        slopes = jax.jit(jax.grad(total, argnums=(0, 1)))(jnp.asarray(x), jnp.asarray(y))
+        np.testing.assert_array_equal(slopes[0][~mask], 0.0)
+        rng, step = np.random.default_rng(0), 1e-6
+        dx, dy = rng.normal(size=x.shape), rng.normal(size=y.shape)
+        ends = [float(total(jnp.asarray(x + s * dx), jnp.asarray(y + s * dy))) for s in (step, -step)]
+        along = float(jnp.sum(slopes[0] * dx) + jnp.sum(slopes[1] * dy))
+        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(along, rel=1e-4)
+
+
 @pytest.mark.parametrize("noise", [1e-6, 1e-10, 0.0])
 @pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6, 1e-4])
 def test_near_duplicates_stay_finite_in_float32(gap, noise):

@@ -71,9 +71,12 @@ def test_another_key_gives_another_record_in_every_mission(missions, together):
     other = run_missions(SCENARIO, drift(), missions, jax.random.key(8))
     different = np.any(np.asarray(other.route != together.route), axis=(1, 2, 3))
     assert different.all()
-    # And no two missions of a batch share their randomness.
-    moves = np.asarray(together.route[:, 0, 1] - together.route[:, 0, 0])
-    assert len(np.unique(moves.round(5), axis=0)) == 5
+
+
+def test_every_decision_has_its_own_randomness(together):
+    """No two missions of a batch take the same steps, nor do two agents, nor one agent twice."""
+    moves = np.diff(np.asarray(together.route[:, :, :3]), axis=2).reshape(-1, 2)
+    assert len(np.unique(moves.round(5), axis=0)) == 5 * 2 * 2
 
 
 def test_a_mission_does_not_depend_on_the_batch_it_runs_in(missions, together):
