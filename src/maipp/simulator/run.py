@@ -17,7 +17,7 @@ from maipp.simulator.decision import Planner
 from maipp.simulator.engine import step
 from maipp.simulator.mission import Mission
 from maipp.simulator.state import State, reset
-from maipp.typing import Key, Keys
+from maipp.typing import Array, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
 ACCELERATOR_CHUNK = 4096
@@ -41,9 +41,15 @@ def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
 
 
 @eqx.filter_jit
-def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys, chunk: int) -> State:
-    """Final states; the leading axis is a multiple of devices * chunk."""
+def _run_sharded(
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, first: Int[Array, ""], devices: int, chunk: int
+) -> State:
+    """Final states; the batch is padded with its last mission to a multiple of devices * chunk."""
     arrays, static = eqx.partition(planner, eqx.is_array)
+    count = batch_size(missions)
+    padded = math.ceil(count / (devices * chunk)) * devices * chunk
+    index = jnp.minimum(jnp.arange(padded), count - 1)
+    keys = jax.vmap(partial(jax.random.fold_in, key))(first + index)
 
     def per_device(arrays: Planner, missions: Mission, keys: Keys) -> State:
         local = eqx.combine(arrays, static)
@@ -51,11 +57,11 @@ def _run_sharded(scenario: Scenario, planner: Planner, missions: Mission, keys: 
         final = lax.map(lambda pair: _run_chunk(scenario, local, *pair), chunked)
         return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), final)
 
-    mesh = Mesh(np.asarray(missions_devices()), ("missions",))
+    mesh = Mesh(np.asarray(missions_devices()[:devices]), ("missions",))
     split, whole = PartitionSpec("missions"), PartitionSpec()
-    return jax.shard_map(per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False)(
-        arrays, missions, keys
-    )
+    sharded = jax.shard_map(per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False)
+    final = sharded(arrays, jax.tree.map(lambda a: a[index], missions), keys)
+    return jax.tree.map(lambda a: a[:count], final)
 
 
 def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, first: int = 0) -> State:
@@ -71,10 +77,6 @@ def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: K
             "use one that moves on a roadmap"
         )
     count = batch_size(missions)
-    devices = len(missions_devices())
+    devices = min(len(missions_devices()), count)
     chunk = min(chunk_size(planner), math.ceil(count / devices))
-    padded = math.ceil(count / (devices * chunk)) * devices * chunk
-    index = jnp.minimum(jnp.arange(padded), count - 1)
-    keys = jax.vmap(partial(jax.random.fold_in, key))(first + index)
-    final = _run_sharded(scenario, planner, jax.tree.map(lambda a: a[index], missions), keys, chunk)
-    return jax.tree.map(lambda a: a[:count], final)
+    return _run_sharded(scenario, planner, missions, key, jnp.asarray(first), devices, chunk)
