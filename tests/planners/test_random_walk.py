@@ -19,8 +19,13 @@ DRAWS = 3000
 def observation():
     """What the agent sees at its start."""
     mission = jax.tree.map(lambda a: a[0], draw_missions(SCENARIO, seed=0, instances=1))
-    state = reset(SCENARIO, RandomWalk(SCENARIO), mission)
-    return observe(SCENARIO, mission, state, jnp.asarray(0), jnp.zeros(1, bool))
+
+    @jax.jit
+    def see(mission):
+        state = reset(SCENARIO, RandomWalk(SCENARIO), mission)
+        return observe(SCENARIO, mission, state, jnp.asarray(0), jnp.zeros(1, bool))
+
+    return see(mission)
 
 
 @eqx.filter_jit
