@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.errors import InputError
 from maipp.planners.greedy import Greedy
 from maipp.scenario import Scenario
 from maipp.simulator import Decision, Planner, draw_missions, run, run_missions
@@ -141,3 +142,10 @@ def test_a_roadmap_planner_without_roadmaps_says_what_to_do():
     bare = draw_missions(SCENARIO, seed=1, instances=1, roadmaps=False)
     with pytest.raises(ValueError, match="roadmaps=True"):
         run_missions(SCENARIO, Greedy(SCENARIO), bare, KEY)
+
+
+def test_a_planner_that_would_cross_obstacles_is_refused():
+    walled = SCENARIO.replace(obstacles=(((0.4, 0.4), (0.6, 0.4), (0.5, 0.6)),))
+    missions = draw_missions(walled, seed=1, instances=1)
+    with pytest.raises(InputError, match="Drift: this planner would cross the scenario's 1 obstacles"):
+        run_missions(walled, Drift(walled, jnp.asarray(0.1)), missions, KEY)
