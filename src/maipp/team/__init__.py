@@ -1,0 +1,29 @@
+"""What agents tell each other about where they are going: the Gaussian intent."""
+
+from maipp.team.intent import (
+    COVARIANCE_FLOOR,
+    Intent,
+    destination_intent,
+    fit_intent,
+    fuse_intents,
+    intent_density,
+    is_told,
+    matrix,
+    no_intent,
+    symmetric_kl,
+    trajectory_intent,
+)
+
+__all__ = [
+    "COVARIANCE_FLOOR",
+    "Intent",
+    "destination_intent",
+    "fit_intent",
+    "fuse_intents",
+    "intent_density",
+    "is_told",
+    "matrix",
+    "no_intent",
+    "symmetric_kl",
+    "trajectory_intent",
+]
