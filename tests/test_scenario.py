@@ -104,6 +104,7 @@ WRONG = {
     "text for a start": ({"start": "centre"}, "scenario.start: 'centre' is not a start"),
     "nothing measured": ({"measurement_interval": 3.5}, "so nothing would ever be measured"),
     "too fine": ({"measurement_interval": 1e-7}, "means 3e+07 measurements per agent"),
+    "extent in metres": ({"extent": [1500, 1000]}, "scenario.extent[0]: 1500 is not an extent; give [width, height]"),
     "flat extent": ({"extent": [1, 0]}, "scenario.extent[1]: 0 is not an extent"),
     "extent of one": ({"extent": 2.0}, "scenario.extent: 2.0 is not an extent; give [width, height]"),
     "grid of one": ({"grid": 1}, "scenario.grid: 1 is not a grid size; give a whole number >= 2"),

@@ -102,8 +102,8 @@ class Scenario:
     )
     extent: Pair = _option(
         (1.0, 1.0),
-        checks.sequence(checks.real(above=0.0), 2, 2),
-        Quantity("an extent", "domain units", "[width, height], both > 0 (domain units)"),
+        checks.sequence(checks.real(above=0.0, most=20.0), 2, 2),  # float32 distances keep 1e-5 up to some 100
+        Quantity("an extent", "domain units", "[width, height], both > 0 and <= 20 (scale so that sides are about 1)"),
         meaning="width and height of the domain, whose lower left corner is (0, 0)",
         source=f"{_PAPER}, Sec. IV-E (unit square)",
     )

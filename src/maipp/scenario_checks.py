@@ -64,14 +64,14 @@ def whole(least: int) -> Check:
     return check
 
 
-def real(*, above: float = -math.inf, least: float = -math.inf) -> Check:
-    """Check for a finite number greater than `above` and not less than `least`."""
+def real(*, above: float = -math.inf, least: float = -math.inf, most: float = math.inf) -> Check:
+    """Check for a finite number greater than `above`, not less than `least` and not more than `most`."""
 
     def check(key: str, value: Any) -> float:
         number = plain(value)
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise CheckError(key, value)
-        if not (number > above and number >= least and abs(number) != math.inf):  # false for NaN as well
+        if not (number > above and least <= number <= most and abs(number) != math.inf):  # false for NaN as well
             raise CheckError(key, value)
         if abs(number) > FLOAT32_MAX:
             raise CheckError(key, value, "is too large for single precision")

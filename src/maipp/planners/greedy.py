@@ -42,5 +42,6 @@ class Greedy(Planner):
             virtual_value=self.scenario.virtual_value,
         )
         target = here.targets[jnp.argmin(jnp.where(here.allowed, score, jnp.inf))]
-        message = target if self.shared else self.empty_message()
+        # An agent that stops goes nowhere: it must not keep a place claimed for the rest of the mission.
+        message = jnp.where(here.allowed.any(), target, jnp.nan) if self.shared else self.empty_message()
         return Decision(target[None], message, memory, ~here.allowed.any())

@@ -6,7 +6,7 @@ from maipp.typing import Array, Float
 
 
 def walk(
-    start: Float[Array, "*c 2"], headings: Float[Array, "*c h"], steps: Float[Array, " h"], extent: tuple[float, float]
+    start: Float[Array, "*#c 2"], headings: Float[Array, "*c h"], steps: Float[Array, " h"], extent: tuple[float, float]
 ) -> Float[Array, "*c h 2"]:
     """Ends of the legs of lengths `steps` (domain units) along `headings` (radians).
 

@@ -11,6 +11,9 @@ from maipp.planners.plan_search import SearchOptions, search
 from maipp.simulator.decision import Planner
 from maipp.typing import Array, Bool, Float, Key
 
+# Largest spacing of the points that the search looks at, in length scales of the belief.
+_COARSEST = 0.2
+
 
 class LegPlanner(Planner):
     """Finds the legs, one measurement each, with the lowest predicted Tr(P)."""
@@ -21,19 +24,19 @@ class LegPlanner(Planner):
     steps: int = eqx.field(static=True, default=20)  # gradient steps
     rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians
     temperature: float = eqx.field(static=True, default=0.1)  # width of the smoothed area border, field units
-    stride: int = eqx.field(static=True, default=2)  # search on every stride-th grid point per axis; choose on all
+    stride: int = eqx.field(static=True, default=0)  # search on every stride-th grid point per axis; 0: by length scale
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        for name in ("horizon", "candidates", "elites", "steps", "stride"):
+        for name in ("horizon", "candidates", "elites", "steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
         if self.elites > self.candidates:
             raise InputError(f"elites={self.elites} is more than candidates={self.candidates}; give at most as many")
         if not self.rate > 0 or not self.temperature > 0:
             raise InputError(f"rate={self.rate}, temperature={self.temperature}: both must be > 0")
-        if self.stride > self.scenario.grid:
-            raise InputError(f"stride={self.stride} leaves no point of a grid of {self.scenario.grid} per side")
+        if not 0 <= self.stride <= self.scenario.grid:
+            raise InputError(f"stride={self.stride}: give 1 to {self.scenario.grid} grid points, or 0 for automatic")
 
     @property
     def missions_per_core(self) -> int:
@@ -76,6 +79,12 @@ class LegPlanner(Planner):
         )
 
     def coarse_points(self) -> Array:
-        """Indices of the grid points that the search looks at."""
-        side = jnp.arange(self.stride // 2, self.scenario.grid, self.stride)
-        return (side[:, None] * self.scenario.grid + side).reshape(-1)
+        """Indices of the grid points that the search looks at; the final choice looks at all."""
+        grid = self.scenario.grid
+        spacing = max(self.scenario.extent) / (grid - 1)
+        # Measured at length scale 0.25: a search that sees points 0.28 length scales apart leaves a tenth more Tr(P)
+        # than one that sees them 0.14 apart; at 0.45, 0.15 apart, a finer one gains nothing.
+        automatic = max(1, min(int(_COARSEST * self.scenario.length_scale / spacing), grid // 4))
+        stride = self.stride or automatic
+        side = jnp.arange(min(stride // 2, grid - 1), grid, stride)
+        return (side[:, None] * grid + side).reshape(-1)

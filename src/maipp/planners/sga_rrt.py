@@ -90,11 +90,13 @@ class SgaRrt(Planner):
         """Raise InputError for options that make no tree or no path."""
         low, high = self.lengths
         if not 0 < low <= high:
-            raise InputError(f"sga-rrt lengths={low},{high}: give 0 < shortest <= longest, e.g. 0.3,0.4")
+            raise InputError(f"lengths={low},{high}: give 0 < shortest <= longest, e.g. 0.3,0.4")
+        if self.branch > high:
+            raise InputError(f"branch={self.branch} is longer than the longest path, {high}; give at most that")
         if self.nodes < 2:
-            raise InputError(f"sga-rrt nodes={self.nodes}: a tree needs at least 2")
+            raise InputError(f"nodes={self.nodes}: a tree needs at least 2")
         if not self.branch > 0 or not self.execute > 0:
-            raise InputError(f"sga-rrt branch={self.branch}, execute={self.execute}: both are lengths > 0")
+            raise InputError(f"branch={self.branch}, execute={self.execute}: both are lengths > 0")
 
     @property
     def waypoints_per_decision(self) -> int:
