@@ -45,6 +45,16 @@ class Belief(eqx.Module):
             (self.query[index], self.whitened_query[:, index], self.mean[index], self.variance[index]),
         )
 
+    def on(self, points: Float[Array, "p 2"]) -> "Belief":
+        """The same measurements, with their prediction at other query points."""
+        whitened = self.whiten(points).T
+        variance = jnp.asarray(self.kernel.variance, points.dtype) - jnp.sum(whitened * whitened, axis=0)
+        return eqx.tree_at(
+            lambda b: (b.query, b.whitened_query, b.mean, b.variance),
+            self,
+            (points, whitened, self.whitened_values @ whitened, jnp.maximum(variance, 0.0)),
+        )
+
     def whiten(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p n"]:
         """L^-1 k(X, p) for every point p: what one hypothetical measurement needs from the parent's rows."""
         covariance = jnp.where(self.mask, self.kernel(points[..., None, :], self.x), 0.0)

@@ -69,7 +69,13 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     from maipp.simulator import draw_missions, run_missions
 
     planner = make_planner(name, scenario)
-    batch = draw_missions(scenario, seed=0, instances=missions, roadmaps=planner.uses_roadmap)
+    batch = draw_missions(
+        scenario,
+        seed=0,
+        instances=missions,
+        roadmaps=planner.uses_roadmap,
+        encodings=planner.encoding_dimensions,
+    )
     single = jax.tree.map(lambda array: array[:1], batch)
     key = jax.random.key(0)
 

@@ -118,7 +118,7 @@ def evaluate(
     begun = time.perf_counter()
     scenario, field = _with_field(scenario)
     planner = make_planner(planner_name, scenario, options)
-    missions = _draw(scenario, field, seed, instances, trials, planner.uses_roadmap)
+    missions = _draw(scenario, field, seed, instances, trials, planner)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     metrics = _run_in_parts(scenario, planner, missions, key, progress)
     values = {
@@ -182,19 +182,32 @@ def _run_in_parts(
     return jax.tree.map(lambda *rows: np.concatenate(rows), *scored)
 
 
-def _draw(scenario: Scenario, field: Raster | None, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
+def _draw(
+    scenario: Scenario, field: Raster | None, seed: int, instances: int, trials: int, planner: Planner
+) -> Mission:
     """The missions of an evaluation; those of one scenario with other budgets or planners are drawn once."""
+    roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     if field is not None:  # its file may change between two evaluations
-        return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, field=field)
+        return draw_missions(
+            scenario,
+            seed=seed,
+            instances=instances,
+            trials=trials,
+            roadmaps=roadmaps,
+            encodings=encodings,
+            field=field,
+        )
     any_budget = scenario.replace(budget=scenario.measurement_interval)
-    missions = _draw_once(any_budget, seed, instances, trials, roadmaps)
+    missions = _draw_once(any_budget, seed, instances, trials, roadmaps, encodings)
     budgets = jnp.broadcast_to(jnp.asarray(scenario.budgets), missions.budgets.shape)
     return dataclasses.replace(missions, budgets=budgets)
 
 
-@lru_cache(maxsize=2)  # with roadmaps and without
-def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool) -> Mission:
-    return draw_missions(scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps)
+@lru_cache(maxsize=3)  # without roadmaps, with them, and with their encodings
+def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool, encodings: int) -> Mission:
+    return draw_missions(
+        scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, encodings=encodings
+    )
 
 
 def _with_field(scenario: Scenario) -> tuple[Scenario, Raster | None]:

@@ -210,7 +210,14 @@ def _simulate(scenario, name, planner, options, seed, field, advance: Callable[[
     from maipp.simulator.episode import Episode
 
     try:
-        missions = draw_missions(scenario, seed=seed, instances=1, roadmaps=planner.uses_roadmap, field=field)
+        missions = draw_missions(
+            scenario,
+            seed=seed,
+            instances=1,
+            roadmaps=planner.uses_roadmap,
+            encodings=planner.encoding_dimensions,
+            field=field,
+        )
     except ValueError as error:  # obstacles or a start that leave no way to go
         raise InputError(str(error)) from error
     advance()

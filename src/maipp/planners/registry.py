@@ -54,6 +54,12 @@ register(
     summary="next legs by gradient in the plane; joint=true: all agents together",
 )
 
+register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy without intents, agents in sequence")
+_INTENT = "maipp.planners.intent:IntentPlanner"
+register("di", _INTENT, summary="policy; intent over where sampled paths end", intent="destination", steps=3)
+register("ti", _INTENT, summary="policy; intent over all nodes of sampled paths")
+register("ti-star", _INTENT, summary="as ti, and goes along the best of the sampled paths", choose="best")
+
 
 def planner_names() -> tuple[str, ...]:
     """The names of all registered planners, in the order they were registered."""

@@ -38,6 +38,8 @@ class Roadmap(eqx.Module):
     neighbours: Int[AnyArray, "*batch n k"]  # int32, never the node itself; reachable ones first, by distance
     distances: Float[AnyArray, "*batch n k"]  # length of the edge to each neighbour, domain units
     reachable: Bool[AnyArray, "*batch n k"]  # False where an obstacle blocks the edge
+    # `laplacian_encoding`, which costs an eigenproblem per roadmap; None where the planner needs none
+    encoding: Float[AnyArray, "*batch n e"] | None = None
 
 
 def build_roadmap(nodes: Float[AnyArray, "*batch n 2"], neighbours: int, obstacles: ObstaclesLike = ()) -> Roadmap:

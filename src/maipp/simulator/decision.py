@@ -63,6 +63,11 @@ class Planner(eqx.Module):
         return 1
 
     @property
+    def encoding_dimensions(self) -> int:
+        """Columns of the spectral encoding that each roadmap needs; 0: none is computed."""
+        return 0
+
+    @property
     def kernel(self) -> Matern32:
         """The scenario's prior covariance."""
         return Matern32(self.scenario.length_scale, self.scenario.signal_variance)

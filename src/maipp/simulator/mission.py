@@ -1,5 +1,6 @@
 """The world of one survey, drawn from a scenario: field, starts, roadmaps."""
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
-from maipp.roadmap import Obstacles, Roadmap, sample_roadmaps
+from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
@@ -82,13 +83,15 @@ def draw_missions(
     instances: int,
     trials: int = 1,
     roadmaps: bool = True,
+    encodings: int = 0,
     field: Field | None = None,
 ) -> Mission:
     """A batch of `instances * trials` missions, instance slowest.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
-    planners meet the same worlds. `field`, a pytree, replaces the random mixture by a given ground truth. Raises
-    InputError where obstacles leave no room.
+    planners meet the same worlds. Roadmaps carry a spectral encoding of `encodings` columns, which planners with a
+    policy need (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given ground truth.
+    Raises InputError where obstacles leave no room.
     """
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
@@ -117,25 +120,30 @@ def draw_missions(
         start=each(starts),
         budgets=every(np.asarray(scenario.budgets)),
         speeds=every(np.asarray(scenario.speeds)),
-        roadmap=_draw_roadmaps(scenario, seed, starts, trials) if roadmaps else None,
+        roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
     )
 
 
-def _draw_roadmaps(scenario: Scenario, seed: int, starts: Float[np.ndarray, "i m 2"], trials: int) -> Roadmap:
+def _draw_roadmaps(
+    scenario: Scenario, seed: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
+) -> Roadmap:
     """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
-    drawn = [
-        sample_roadmaps(
+
+    def team(instance: int, trial: int) -> Roadmap:
+        roadmap = sample_roadmaps(
             np.random.default_rng([seed, instance, trial]),
             # Through the device's precision, so that node 0 is exactly where the agent starts.
-            start.astype(jnp.result_type(float)),
+            starts[instance].astype(jnp.result_type(float)),
             nodes=scenario.nodes,
             neighbours=scenario.neighbours,
             extent=scenario.extent,
             obstacles=scenario.obstacles,
         )
-        for instance, start in enumerate(starts)
-        for trial in range(trials)
-    ]
+        if not encodings:
+            return roadmap
+        return dataclasses.replace(roadmap, encoding=laplacian_encoding(roadmap, encodings))
+
+    drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
     return jax.tree.map(lambda *rows: _device_array(np.stack(rows)), *drawn)
 
 

@@ -1,0 +1,112 @@
+"""`di`, `ti`, `ti-star`: agents that sample their own future, tell it as a Gaussian, and move by the policy.
+
+Source: Yang et al. 2023, Sec. IV-B (intent), IV-C (policy), V (DI, TI and TI*).
+"""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from maipp.errors import InputError
+from maipp.planners.intent_belief import with_intents
+from maipp.planners.lookahead import predicted_trace
+from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
+from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner, log_probability
+from maipp.simulator.decision import Decision, Observation, PyTree
+from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
+from maipp.typing import Array, Float, Index, Key
+
+
+class IntentPlanner(PolicyPlanner):
+    """Samples `paths` trajectories of `steps` nodes from the policy, and tells the others a Gaussian fitted to them."""
+
+    paths: int = eqx.field(static=True, default=8)  # trajectories sampled per decision: a
+    steps: int = eqx.field(static=True, default=5)  # nodes of each: j
+    # Told of each path: all its nodes (TI), or its last one (DI).
+    intent: Literal["trajectory", "destination"] = eqx.field(static=True, default="trajectory")
+    choose: Literal["likeliest", "sample", "best"] = eqx.field(static=True, default="likeliest")  # the next node
+    mode: Literal["encode-once", "reencode"] = eqx.field(static=True, default="encode-once")  # of virtual steps
+    rank: Literal["intents", "stationary"] = eqx.field(static=True, default="intents")  # the others, in ranking paths
+    share: Literal["samples", "best"] = eqx.field(static=True, default="samples")  # paths the intent is fitted to
+    listen: bool = eqx.field(static=True, default=True)  # False: as if no intent were heard
+
+    def check(self) -> None:
+        """Raise InputError for options out of range."""
+        super().check()
+        for name in ("paths", "steps"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
+
+    def empty_message(self) -> PyTree:
+        """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
+        return no_intent()
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next node, and the intent."""
+        return self.act(key, observation, memory)[0]
+
+    def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
+        """The decision, and what a trainer needs to know of it."""
+        heard = observation.heard & self.listen
+        nodes = jnp.asarray(observation.roadmap.nodes) if observation.roadmap is not None else jnp.zeros((1, 2))
+        intent = fuse_intents(observation.messages, heard, nodes)
+        situation = self.situation(observation, observation.belief, intent)
+        insight = self.look(situation, memory)
+        path_key, choice_key, first_key = jax.random.split(key, 3)
+        paths = self._sample(path_key, first_key, situation, insight)
+        scores = self._scores(observation, heard, situation, paths) if self._ranks else jnp.zeros(self.paths)
+        best = jnp.argmin(scores)
+        index = self._choose(choice_key, insight, paths, best)
+        stop = ~insight.view.allowed.any()
+        target = nodes[jnp.where(stop, situation.node, insight.view.neighbours[index])]
+        decision = Decision(target[None], self._fit(nodes, paths, best, stop), insight.memory, stop)
+        return decision, Choice(insight.view, memory, index, log_probability(insight.logits, index), insight.value)
+
+    @property
+    def _ranks(self) -> bool:
+        return self.choose == "best" or self.share == "best"
+
+    def _sample(self, key: Key, first_key: Key, situation: Situation, insight: Insight) -> Paths:
+        """The sampled trajectories."""
+        logits = jnp.where(insight.view.allowed.any(), insight.logits / self.temperature, 0.0)
+        choices = jax.random.categorical(first_key, logits, shape=(self.paths,))
+        return sample_paths(
+            self.scenario,
+            self.policy,
+            insight.prepared,
+            situation,
+            choices,
+            insight.memory,
+            key,
+            steps=self.steps,
+            temperature=self.temperature,
+            reencode=self.mode == "reencode",
+        )
+
+    def _scores(self, observation: Observation, heard: Array, situation: Situation, paths: Paths) -> Float[Array, " a"]:
+        """Predicted Tr(P) at the end of each path."""
+        belief, value = observation.belief, self.scenario.virtual_value
+        if self.rank == "intents":
+            belief = with_intents(belief, observation.messages, heard, value)
+        points, taken = path_measurements(self.scenario, situation, paths)
+        return predicted_trace(belief, self.interest, observation.inside, points, taken, virtual_value=value)
+
+    def _choose(self, key: Key, insight: Insight, paths: Paths, best: Index) -> Index:
+        """Which neighbour to go to."""
+        if self.choose == "best":
+            return paths.choices[best]
+        logits = jnp.where(insight.view.allowed.any(), insight.logits, 0.0)
+        if self.choose == "sample":
+            return jax.random.categorical(key, logits / self.temperature).astype(jnp.int32)
+        return jnp.argmax(logits).astype(jnp.int32)
+
+    def _fit(self, nodes: Float[Array, "n 2"], paths: Paths, best: Index, stop: Array) -> Intent:
+        """The intent; nothing once the agent stops, which must not keep a place claimed."""
+        taken = paths.taken & ~stop
+        if self.share == "best":
+            taken = taken & (jnp.arange(self.paths) == best)[:, None]
+        fit = trajectory_intent if self.intent == "trajectory" else destination_intent
+        # The floor is that of a unit square; it grows with the survey area.
+        return fit(nodes[paths.nodes], taken, COVARIANCE_FLOOR * max(self.scenario.extent) ** 2)

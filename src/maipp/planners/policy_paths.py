@@ -1,0 +1,134 @@
+"""Trajectories sampled from the policy: virtual steps that change the agent's place, budget and uncertainty.
+
+Source: Yang et al. 2023, Sec. IV-B: the other agents are assumed to stay where they are.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.belief import Belief
+from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_variance
+from maipp.planners.policy_view import PolicyView, policy_view
+from maipp.planners.roadmap_step import edges
+from maipp.policy import Memory, PolicyNetwork, Prepared
+from maipp.roadmap import Roadmap
+from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.typing import Array, Bool, Float, Index, Int, Key, Vector
+
+
+class Paths(NamedTuple):
+    """Trajectories of a paths with j steps each, from where the agent is."""
+
+    choices: Int[Array, " a"]  # which neighbour each visits first
+    nodes: Int[Array, "a j"]  # roadmap nodes, one after the other; the last one again where it stops early
+    taken: Bool[Array, "a j"]  # False for steps that the budget does not allow
+    length: Float[Array, " a"]  # domain units
+
+
+class Situation(NamedTuple):
+    """Where the due agent is, and what it knows: what all virtual steps start from."""
+
+    roadmap: Roadmap
+    nodes: Belief  # predicted at the roadmap's nodes
+    node: Index  # where the agent is
+    position: Float[Array, "2"]
+    remaining: Float[Array, ""]  # budget left, domain units
+    to_next: Float[Array, ""]  # distance to its next measurement, domain units
+    intent: Vector  # the others' fused intent at the nodes
+
+
+def path_measurements(scenario: Scenario, situation: Situation, paths: Paths) -> tuple[Array, Array]:
+    """Where each path measures, (a, h, 2), and which of these measurements it lives to take, (a, h)."""
+    return _measurements(scenario, situation, jnp.asarray(situation.roadmap.nodes)[paths.nodes], paths.length)
+
+
+def _measurements(
+    scenario: Scenario, situation: Situation, waypoints: Float[Array, "a j 2"], length: Float[Array, " a"]
+) -> tuple[Float[Array, "a h 2"], Bool[Array, "a h"]]:
+    interval = scenario.measurement_interval
+    # As many as edges of the usual length can pass; measurements beyond are left out of the prediction.
+    reach = math.sqrt(scenario.neighbours * scenario.extent[0] * scenario.extent[1] / (math.pi * scenario.nodes))
+    count = math.ceil(waypoints.shape[1] * reach / interval) + 1
+    offsets = measurement_offsets(situation.to_next, interval, count)
+    points, _ = along_paths(situation.position, waypoints, offsets)
+    within = jnp.minimum(length, situation.remaining)
+    return points, offsets <= within[:, None] + DISTANCE_TOLERANCE
+
+
+class _Step(NamedTuple):
+    """Where the a paths are."""
+
+    node: Int[Array, " a"]
+    nodes: Int[Array, "a j"]
+    length: Float[Array, " a"]
+    memory: Memory  # leading axis a
+
+
+def sample_paths(
+    scenario: Scenario,
+    network: PolicyNetwork,
+    prepared: Prepared,
+    situation: Situation,
+    choices: Int[Array, " a"],
+    memory: Memory,
+    key: Key,
+    *,
+    steps: int,
+    temperature: float,
+    reencode: bool,
+) -> Paths:
+    """Continue each path from its first choice by `steps - 1` samples of the policy.
+
+    `memory` is the network's after it was shown the real situation. Every virtual step sees the budget and the standard
+    deviation that the measurements passed so far would leave. `reencode` runs the whole network on each, as the
+    paper does; otherwise the encoding made for the real situation serves all, and the decoder sees the neighbours'
+    current standard deviation.
+    """
+    roadmap, start = situation.roadmap, situation
+    count = choices.shape[0]
+    graph = (jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances), jnp.asarray(roadmap.nodes))
+    neighbours, distances, positions = graph
+    first = edges(roadmap, start.node, start.remaining, scenario.last_leg)
+    go = first.allowed[choices]
+    node = jnp.where(go, neighbours[start.node, choices], start.node)
+    state = _Step(
+        node=node,
+        nodes=jnp.broadcast_to(node[:, None], (count, steps)),
+        length=jnp.where(go, distances[start.node, choices], 0.0),
+        memory=jax.tree.map(lambda a: jnp.broadcast_to(a, (count, *a.shape)), memory),
+    )
+
+    def decode(view: PolicyView, memory: Memory) -> tuple[Array, Memory]:
+        ready = prepared
+        if reencode:
+            ready = network.prepare(network.encode(view.features, view.encoding))
+        logits, _, memory = network.decode(ready, *view[2:], memory)
+        return logits, memory
+
+    def advance(state: _Step, inputs: tuple[Array, Key]) -> tuple[_Step, Array]:
+        t, step_key = inputs
+        points, taken = _measurements(scenario, start, positions[state.nodes], state.length)
+        std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
+
+        def look(node: Index, length: Array, std: Vector) -> PolicyView:
+            remaining = start.remaining - length
+            return policy_view(scenario, roadmap, start.nodes, node, positions[node], remaining, start.intent, std)
+
+        view = jax.vmap(look)(state.node, state.length, std)
+        # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
+        logits, memory = jax.vmap(decode)(view, state.memory)
+        go = view.allowed.any(axis=-1)
+        choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / temperature)
+        node = jnp.where(go, neighbours[state.node, choice], state.node)
+        length = state.length + jnp.where(go, distances[state.node, choice], 0.0)
+        nodes = jnp.where(jnp.arange(steps) >= t, node[:, None], state.nodes)
+        return _Step(node, nodes, length, memory), go
+
+    times = jnp.arange(1, steps)
+    state, went = lax.scan(advance, state, (times, jax.random.split(key, steps - 1)))
+    taken = jnp.concatenate([go[:, None], went.T], axis=1)
+    return Paths(choices, state.nodes, taken, state.length)

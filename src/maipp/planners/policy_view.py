@@ -1,0 +1,57 @@
+"""What the policy is shown at a decision, and the belief it is taken from."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.belief import Belief
+from maipp.planners.roadmap_step import edges
+from maipp.policy import node_features
+from maipp.roadmap import Roadmap
+from maipp.scenario import Scenario
+from maipp.typing import Array, Bool, Float, Index, Int, Point, Vector
+
+
+class PolicyView(NamedTuple):
+    """The inputs of the network for one decision of one agent; together with its memory, all that it sees."""
+
+    features: Float[Array, "n 5"]  # `node_features`
+    encoding: Float[Array, "n e"]  # `laplacian_encoding` of the roadmap
+    node: Index  # where the agent is
+    neighbours: Int[Array, " k"]  # nodes it may go to
+    allowed: Bool[Array, " k"]  # of them, those in sight and within budget
+    neighbour_std: Float[Array, " k"]  # standard deviation of the belief there
+    remaining: Float[Array, ""]  # budget left, longest sides of the extent
+    threshold: Float[Array, ""]  # of the high-interest area, normalised field units
+
+
+def policy_view(
+    scenario: Scenario,
+    roadmap: Roadmap,
+    nodes: Belief,
+    node: Index,
+    position: Point,
+    remaining: Float[Array, ""],
+    intent: Vector,
+    std: Vector | None = None,
+) -> PolicyView:
+    """The view of an agent at `node` of its roadmap, which is at `position`, with `remaining` budget (domain units).
+
+    `nodes` is its belief, predicted at the roadmap's nodes; `std` takes the place of the belief's own there, as on a
+    virtual step. `intent` is the others' fused intent at the nodes. Raises ValueError where the roadmap carries no
+    encoding.
+    """
+    if roadmap.encoding is None:
+        raise ValueError("the policy reads spectral encodings: draw the missions with encodings=32")
+    std = nodes.std if std is None else std
+    here = edges(roadmap, node, remaining, scenario.last_leg)
+    return PolicyView(
+        features=node_features(jnp.asarray(roadmap.nodes), position, nodes.mean, std, intent, scenario.extent),
+        encoding=jnp.asarray(roadmap.encoding),
+        node=node,
+        neighbours=here.target_nodes,
+        allowed=here.allowed,
+        neighbour_std=std[here.target_nodes],
+        remaining=remaining / max(scenario.extent),
+        threshold=jnp.asarray(scenario.threshold, std.dtype),
+    )

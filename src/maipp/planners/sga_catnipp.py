@@ -1,0 +1,51 @@
+"""`sga-catnipp`: the policy without intents; agents plan in sequence, counting the others' next nodes as measured.
+
+Source: Cao et al. 2022 (CAtNIPP); Yang et al. 2023, Sec. V (sequential greedy assignment baseline, greedy variant).
+"""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from maipp.belief import extend
+from maipp.planners.policy_planner import Choice, PolicyPlanner, log_probability
+from maipp.simulator.decision import Decision, Observation, PyTree
+from maipp.typing import Key
+
+
+class SgaCatnipp(PolicyPlanner):
+    """Moves by a policy that knows no intents, on a belief in which the announced next nodes count as measured."""
+
+    weights: str = eqx.field(static=True, default="sga-catnipp")
+    choose: Literal["likeliest", "sample"] = eqx.field(static=True, default="likeliest")  # the next node
+
+    def empty_message(self) -> PyTree:
+        """The announced next node: position (2,), NaN before the first decision."""
+        return jnp.full(2, jnp.nan)
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next node."""
+        return self.act(key, observation, memory)[0]
+
+    def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
+        """The decision, and what a trainer needs to know of it."""
+        roadmap = observation.roadmap
+        if roadmap is None:
+            raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
+        nodes = jnp.asarray(roadmap.nodes)
+        told = observation.heard & jnp.isfinite(observation.messages).all(axis=-1)
+        targets = jnp.where(told[:, None], observation.messages, 0.0)
+        belief = extend(observation.belief, targets, told, virtual_value=self.scenario.virtual_value)
+        situation = self.situation(observation, belief, jnp.zeros(nodes.shape[0], nodes.dtype))
+        insight = self.look(situation, memory)
+        stop = ~insight.view.allowed.any()
+        logits = jnp.where(stop, 0.0, insight.logits)
+        if self.choose == "sample":
+            index = jax.random.categorical(key, logits / self.temperature).astype(jnp.int32)
+        else:
+            index = jnp.argmax(logits).astype(jnp.int32)
+        target = nodes[insight.view.neighbours[index]]
+        decision = Decision(target[None], jnp.where(stop, jnp.nan, target), insight.memory, stop)
+        return decision, Choice(insight.view, memory, index, log_probability(insight.logits, index), insight.value)
