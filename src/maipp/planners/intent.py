@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
 from maipp.planners.lookahead import predicted_trace
@@ -43,12 +44,13 @@ class IntentPlanner(PolicyPlanner):
         """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
         return no_intent()
 
-    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
-        """The next node, and the intent."""
-        return self.act(key, observation, memory)[0]
+    def counted(self, observation: Observation) -> Belief:
+        """The due agent's belief with a few virtual measurements where the others intend to be."""
+        heard = observation.heard & self.listen
+        return with_intents(observation.belief, observation.messages, heard, self.scenario.virtual_value)
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
-        """The decision, and what a trainer needs to know of it."""
+        """The next node with the agent's intent, and what a trainer needs to know of the decision."""
         heard = observation.heard & self.listen
         nodes = jnp.asarray(observation.roadmap.nodes) if observation.roadmap is not None else jnp.zeros((1, 2))
         intent = fuse_intents(observation.messages, heard, nodes)
@@ -56,7 +58,7 @@ class IntentPlanner(PolicyPlanner):
         insight = self.look(situation, memory)
         path_key, choice_key, first_key = jax.random.split(key, 3)
         paths = self._sample(path_key, first_key, situation, insight)
-        scores = self._scores(observation, heard, situation, paths) if self._ranks else jnp.zeros(self.paths)
+        scores = self._scores(observation, situation, paths) if self._ranks else jnp.zeros(self.paths)
         best = jnp.argmin(scores)
         index = self._choose(choice_key, insight, paths, best)
         stop = ~insight.view.allowed.any()
@@ -85,11 +87,10 @@ class IntentPlanner(PolicyPlanner):
             reencode=self.mode == "reencode",
         )
 
-    def _scores(self, observation: Observation, heard: Array, situation: Situation, paths: Paths) -> Float[Array, " a"]:
+    def _scores(self, observation: Observation, situation: Situation, paths: Paths) -> Float[Array, " a"]:
         """Predicted Tr(P) at the end of each path."""
-        belief, value = observation.belief, self.scenario.virtual_value
-        if self.rank == "intents":
-            belief = with_intents(belief, observation.messages, heard, value)
+        belief = self.counted(observation) if self.rank == "intents" else observation.belief
+        value = self.scenario.virtual_value
         points, taken = path_measurements(self.scenario, situation, paths)
         return predicted_trace(belief, self.interest, observation.inside, points, taken, virtual_value=value)
 

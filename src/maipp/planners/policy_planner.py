@@ -12,8 +12,8 @@ from maipp.planners.policy_paths import Situation
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.roadmap_step import current_node
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
-from maipp.simulator.decision import Observation, Planner, PyTree
-from maipp.typing import Array, Float, Index, Vector
+from maipp.simulator.decision import Decision, Observation, Planner, PyTree
+from maipp.typing import Array, Float, Index, Key, Vector
 
 
 class Choice(NamedTuple):
@@ -69,6 +69,18 @@ class PolicyPlanner(Planner):
     def initial_memory(self) -> PyTree:
         """The network's memory of the executed trajectory."""
         return self.policy.initial_memory()
+
+    def counted(self, observation: Observation) -> Belief:
+        """The due agent's belief with what the others announced counted as measured."""
+        raise NotImplementedError
+
+    def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
+        """The decision, and what a trainer needs to know of it."""
+        raise NotImplementedError
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next node, and what to tell the others."""
+        return self.act(key, observation, memory)[0]
 
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
         """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.belief import extend
+from maipp.belief import Belief, extend
 from maipp.planners.policy_planner import Choice, PolicyPlanner, log_probability
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Key
@@ -25,20 +25,19 @@ class SgaCatnipp(PolicyPlanner):
         """The announced next node: position (2,), NaN before the first decision."""
         return jnp.full(2, jnp.nan)
 
-    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
-        """The next node."""
-        return self.act(key, observation, memory)[0]
+    def counted(self, observation: Observation) -> Belief:
+        """The due agent's belief with the others' announced next nodes counted as measured."""
+        told = observation.heard & jnp.isfinite(observation.messages).all(axis=-1)
+        targets = jnp.where(told[:, None], observation.messages, 0.0)
+        return extend(observation.belief, targets, told, virtual_value=self.scenario.virtual_value)
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
-        """The decision, and what a trainer needs to know of it."""
+        """The next node, announced, and what a trainer needs to know of the decision."""
         roadmap = observation.roadmap
         if roadmap is None:
             raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
         nodes = jnp.asarray(roadmap.nodes)
-        told = observation.heard & jnp.isfinite(observation.messages).all(axis=-1)
-        targets = jnp.where(told[:, None], observation.messages, 0.0)
-        belief = extend(observation.belief, targets, told, virtual_value=self.scenario.virtual_value)
-        situation = self.situation(observation, belief, jnp.zeros(nodes.shape[0], nodes.dtype))
+        situation = self.situation(observation, self.counted(observation), jnp.zeros(nodes.shape[0], nodes.dtype))
         insight = self.look(situation, memory)
         stop = ~insight.view.allowed.any()
         logits = jnp.where(stop, 0.0, insight.logits)
