@@ -23,7 +23,7 @@ class SgaCatnipp(PolicyPlanner):
 
     def empty_message(self) -> PyTree:
         """The announced next node: position (2,), NaN before the first decision."""
-        return jnp.full(2, jnp.nan)
+        return jnp.full(2, jnp.nan, jnp.result_type(float))
 
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with the others' announced next nodes counted as measured."""

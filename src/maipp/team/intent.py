@@ -25,7 +25,8 @@ class Intent(NamedTuple):
 
 def no_intent() -> Intent:
     """The intent of an agent that has told nothing yet."""
-    return Intent(jnp.full(2, jnp.nan), jnp.full(3, jnp.nan))
+    real = jnp.result_type(float)
+    return Intent(jnp.full(2, jnp.nan, real), jnp.full(3, jnp.nan, real))
 
 
 def is_told(intent: Intent) -> Bool[Array, "*b"]:

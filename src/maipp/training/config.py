@@ -1,0 +1,127 @@
+"""How a policy is trained: every number of it, named, checked, and round-tripping through YAML."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Literal
+
+from maipp.errors import InputError
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run. Immutable; two runs of one configuration on one device give the same weights.
+
+    Missions are split into `shards` that shuffle their own minibatches and average their gradients, wherever they run:
+    the result does not depend on how many devices share the shards, up to rounding.
+    Raises InputError for the first value out of range.
+    """
+
+    policy: Literal["ti", "sga-catnipp"] = "ti"  # what is trained
+    seed: int = 0
+    # The worlds
+    agents: int = 3
+    length_scale: float = 0.45  # of the belief's kernel, domain units
+    budget: tuple[float, float] = (1.5, 5.0)  # each mission's is drawn from this range, domain units
+    bank: int = 256  # roadmaps drawn beforehand, one team each; seen in 8 symmetries
+    # One update
+    shards: int = 2
+    missions: int = 16  # stepped together by each shard
+    events: int = 16  # decisions of each mission per update
+    epochs: int = 2  # passes over them
+    minibatch: int = 128  # decisions of each shard per gradient step
+    # Sampling
+    paths: int = 4  # trajectories sampled for the intent
+    steps: int = 5  # nodes of each
+    # Objective
+    imitation: int = 0  # updates that imitate the teacher before reinforcement begins
+    updates: int = 1000  # in all
+    reward: Literal["log-trace", "paper"] = "log-trace"
+    discount: float = 0.99
+    trace_decay: float = 0.95  # lambda of generalised advantage estimation
+    clip: float = 0.2
+    entropy: float = 0.003  # weight of the entropy bonus
+    value: float = 0.5  # weight of the squared error of the value
+    # Optimiser
+    learning_rate: float = 3e-4
+    schedule: Literal["cosine", "steps", "constant"] = "cosine"  # steps: times 0.96 every 32 gradient steps
+    gradient_norm: float = 1.0  # gradients are scaled down to at most this norm
+    # Along the way
+    evaluate_every: int = 100  # updates
+    evaluate_instances: int = 30  # held-out worlds
+    evaluate_budget: float = 3.0
+    checkpoint_seconds: float = 120.0
+
+    def __post_init__(self) -> None:
+        least = {"agents": 1, "bank": 1, "shards": 1, "missions": 1, "events": 2, "epochs": 1, "minibatch": 1}
+        least |= {"paths": 1, "steps": 1, "imitation": 0, "updates": 1, "evaluate_every": 1, "evaluate_instances": 1}
+        for name, smallest in least.items():
+            if getattr(self, name) < smallest:
+                raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
+        if self.seed < 0:
+            raise InputError(f"training: seed: {self.seed} is negative; give a whole number >= 0")
+        for name in ("length_scale", "learning_rate", "gradient_norm", "evaluate_budget", "checkpoint_seconds"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"training: {name}: {getattr(self, name)}; give a number > 0")
+        for name in ("discount", "trace_decay"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"training: {name}: {getattr(self, name)}; give a number from 0 to 1")
+        if not 0 < self.budget[0] <= self.budget[1]:
+            raise InputError(f"training: budget: {self.budget}; give [low, high] with 0 < low <= high")
+        if (self.missions * self.events) % self.minibatch:
+            raise InputError(
+                f"training: minibatch: {self.minibatch} does not divide missions * events = "
+                f"{self.missions * self.events}; give a divisor"
+            )
+
+    @property
+    def minibatches(self) -> int:
+        """Gradient steps of one pass."""
+        return self.missions * self.events // self.minibatch
+
+    @property
+    def gradient_steps(self) -> int:
+        """Gradient steps of the whole run."""
+        return self.updates * self.epochs * self.minibatches
+
+    @property
+    def transitions_per_update(self) -> int:
+        """Decisions that one update samples."""
+        return self.shards * self.missions * self.events
+
+    def replace(self, **changes: object) -> "TrainConfig":
+        """The same configuration with these values changed, checked anew."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+NAMED: dict[str, TrainConfig] = {
+    "default": TrainConfig(),
+    # Yang et al. 2023, Sec. IV-E: batches of 512, 8 iterations, learning rate 5e-5 times 0.96 every 32 steps.
+    "paper": TrainConfig(
+        budget=(3.0, 3.0),
+        shards=1,
+        missions=16,
+        events=32,
+        epochs=8,
+        minibatch=512,
+        paths=8,
+        reward="paper",
+        discount=1.0,
+        learning_rate=5e-5,
+        schedule="steps",
+        entropy=0.01,
+        updates=4000,
+    ),
+    "smoke": TrainConfig(
+        budget=(2.0, 2.0),
+        bank=16,
+        missions=8,
+        events=16,
+        minibatch=64,
+        paths=2,
+        steps=2,
+        updates=30,
+        evaluate_every=15,
+        evaluate_instances=8,
+        evaluate_budget=2.0,
+    ),
+}

@@ -1,0 +1,198 @@
+"""The learner: sampling and gradient steps of one update in one compiled function, split over devices."""
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jax import lax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from maipp.errors import InputError
+from maipp.planners.intent import IntentPlanner
+from maipp.planners.policy_planner import PolicyPlanner
+from maipp.planners.sga_catnipp import SgaCatnipp
+from maipp.policy import PolicyNetwork
+from maipp.training.config import TrainConfig
+from maipp.training.losses import Sample, sample_loss
+from maipp.training.returns import returns
+from maipp.training.rollout import Environment, new_environment, roll_out
+from maipp.training.worlds import Bank, draw_bank, training_scenario
+from maipp.typing import Array, Float, Int, Key
+
+_WHOLE, _SPLIT = PartitionSpec(), PartitionSpec("devices")
+_AXES = ("devices", "shards")  # gradients are averaged over both
+
+# Decisions whose gradient a CPU core computes together: their activations fill its cache. An accelerator takes all.
+_CPU_CHUNK = 8
+
+
+class Shard(NamedTuple):
+    """What one shard carries from update to update."""
+
+    environments: Environment  # leading axis: missions
+    key: Key
+
+
+class TrainState(eqx.Module):
+    """Everything of a training run that changes: a pytree of arrays."""
+
+    network: PolicyNetwork
+    optimiser: Any  # optax state
+    shards: Shard  # leading axis: shards
+    updates: Int[Array, ""]  # done so far
+
+
+class Learner:
+    """Updates a policy as its configuration says, on the given devices (one, unless told)."""
+
+    def __init__(self, config: TrainConfig, devices: Sequence[jax.Device] | None = None) -> None:
+        """Raises InputError where the shards cannot be split evenly over the devices."""
+        self.config = config
+        self.devices = list(devices) if devices is not None else jax.local_devices()[:1]
+        if config.shards % len(self.devices):
+            raise InputError(
+                f"training: shards: {config.shards} do not split over {len(self.devices)} devices; give a multiple"
+            )
+        self.scenario = training_scenario(config)
+        fresh = PolicyNetwork(jax.random.key(config.seed), use_intent=config.policy == "ti")
+        self.bank = draw_bank(config, self.scenario, fresh.encoding_dimensions)
+        self.mesh = Mesh(np.asarray(self.devices), ("devices",))
+        self._optimiser = _optimiser(config)
+        self._update = {teach: self._compile(teach) for teach in (True, False)}
+
+    def planner(self, network: PolicyNetwork) -> PolicyPlanner:
+        """The planner whose behaviour is trained."""
+        if self.config.policy == "ti":
+            paths, steps = self.config.paths, self.config.steps
+            return IntentPlanner(self.scenario, network=network, paths=paths, steps=steps, choose="sample")
+        return SgaCatnipp(self.scenario, network=network, choose="sample")
+
+    def initial(self) -> TrainState:
+        """The state before the first update, from `config.seed` alone."""
+        key = jax.random.key(self.config.seed)
+        network = PolicyNetwork(jax.random.fold_in(key, 0), use_intent=self.config.policy == "ti")
+        planner = self.planner(network)
+
+        def shard(key: Key) -> Shard:
+            new = partial(new_environment, self.config, self.scenario, planner, self.bank)
+            return Shard(jax.vmap(new)(jax.random.split(key, self.config.missions)), jax.random.fold_in(key, 1))
+
+        keys = jax.random.split(jax.random.fold_in(key, 1), self.config.shards)
+        split, whole = NamedSharding(self.mesh, _SPLIT), NamedSharding(self.mesh, _WHOLE)
+        shards = jax.jit(jax.vmap(shard), out_shardings=split)(keys)
+        rest = jax.jit(lambda n: (n, self._optimiser.init(n), jnp.zeros((), jnp.int32)), out_shardings=whole)(network)
+        return TrainState(rest[0], rest[1], shards, rest[2])
+
+    def update(self, state: TrainState) -> tuple[TrainState, dict[str, Array]]:
+        """One update: sample with the policy as it is, then take gradient steps; with the metrics of both."""
+        teach = int(state.updates) < self.config.imitation
+        return self._update[teach](state, self.bank)
+
+    def _compile(self, teach: bool) -> Any:
+        """The compiled update, with or without the teacher."""
+
+        def on_device(state: TrainState, bank: Bank) -> tuple[TrainState, dict[str, Array]]:
+            one = partial(self._update_shard, bank, teach, state.network, state.optimiser, state.updates)
+            network, optimiser, shards, metrics = jax.vmap(one, axis_name="shards", out_axes=(None, None, 0, None))(
+                state.shards
+            )
+            return TrainState(network, optimiser, shards, state.updates + 1), metrics
+
+        layout = TrainState(_WHOLE, _WHOLE, _SPLIT, _WHOLE)  # type: ignore[arg-type]  # specs in place of arrays
+        mapped = jax.shard_map(
+            on_device, mesh=self.mesh, in_specs=(layout, _WHOLE), out_specs=(layout, _WHOLE), check_vma=False
+        )
+        return jax.jit(mapped, donate_argnums=0)
+
+    def _update_shard(
+        self,
+        bank: Bank,
+        teach: bool,
+        network: PolicyNetwork,
+        optimiser: Any,
+        updates: Int[Array, ""],
+        shard: Shard,
+    ) -> tuple[PolicyNetwork, Any, Shard, dict[str, Array]]:
+        """One shard's part of an update; what it returns of network, optimiser and metrics is the same for all."""
+        config = self.config
+        key, roll_key, shuffle_key = jax.random.split(shard.key, 3)
+        follow = jnp.maximum(0.0, 1.0 - 2.0 * updates / max(1, config.imitation)) if teach else None
+        environments, transitions = roll_out(
+            config, self.scenario, self.planner(network), bank, shard.environments, roll_key, follow
+        )
+        worth = returns(config, transitions, self.scenario.agents)
+        advantage = _normalised(worth.advantage, worth.valid)
+        samples = Sample(transitions, advantage, worth.target, worth.valid)
+        flat = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), samples)
+
+        def epoch(carry: Any, key: Key) -> tuple[Any, dict[str, Array]]:
+            order = jax.random.permutation(key, flat.advantage.shape[0])
+            batches = order.reshape(config.minibatches, config.minibatch)
+            return lax.scan(lambda c, index: self._gradient_step(bank, teach, flat, *c, index), carry, batches)
+
+        keys = jax.random.split(shuffle_key, config.epochs)
+        (network, optimiser), metrics = lax.scan(epoch, (network, optimiser), keys)
+        metrics = jax.tree.map(jnp.mean, metrics)
+        ended = lax.psum(jnp.sum(transitions.ended), _AXES)
+        final = lax.psum(jnp.sum(jnp.where(transitions.ended, transitions.trace, 0.0)), _AXES)
+        metrics["final_trace"] = jnp.where(ended > 0, final / jnp.maximum(ended, 1), jnp.nan)
+        metrics["missions_ended"] = ended
+        metrics["learning_rate"] = jnp.asarray(_schedule(config)(updates * config.epochs * config.minibatches))
+        return network, optimiser, Shard(environments, key), metrics
+
+    def _gradient_step(
+        self,
+        bank: Bank,
+        imitate: bool,
+        samples: Sample,
+        network: PolicyNetwork,
+        optimiser: Any,
+        index: Int[Array, " b"],
+    ) -> tuple[tuple[PolicyNetwork, Any], dict[str, Array]]:
+        """One step along the gradient averaged over the minibatches of all shards."""
+        size = math.gcd(_CPU_CHUNK, len(index)) if self.devices[0].platform == "cpu" else len(index)
+
+        def loss(network: PolicyNetwork, chunk: Array) -> tuple[Float[Array, ""], dict[str, Array]]:
+            picked = jax.tree.map(lambda a: a[chunk], samples)
+            losses, parts = jax.vmap(lambda s: sample_loss(self.config, network, bank, s, imitate))(picked)
+            return jnp.mean(losses), jax.tree.map(jnp.mean, parts)
+
+        def add(total: Any, chunk: Array) -> tuple[Any, None]:
+            return jax.tree.map(jnp.add, total, jax.grad(loss, has_aux=True)(network, chunk)), None
+
+        chunks = index.reshape(-1, size)
+        zero = jax.tree.map(
+            lambda a: jnp.zeros(a.shape, a.dtype), jax.eval_shape(jax.grad(loss, has_aux=True), network, chunks[0])
+        )
+        total, _ = lax.scan(add, zero, chunks)
+        gradient, parts = lax.pmean(jax.tree.map(lambda a: a / len(chunks), total), _AXES)
+        change, optimiser = self._optimiser.update(gradient, optimiser, network)
+        parts["gradient_norm"] = optax.global_norm(gradient)
+        return (optax.apply_updates(network, change), optimiser), parts
+
+
+def _normalised(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t e"]:
+    """Advantages with zero mean and unit variance over all valid decisions of all shards."""
+    count = jnp.maximum(lax.psum(jnp.sum(valid), _AXES), 1)
+    mean = lax.psum(jnp.sum(jnp.where(valid, advantage, 0.0)), _AXES) / count
+    variance = lax.psum(jnp.sum(jnp.where(valid, (advantage - mean) ** 2, 0.0)), _AXES) / count
+    return jnp.where(valid, (advantage - mean) * lax.rsqrt(variance + 1e-8), 0.0)
+
+
+def _schedule(config: TrainConfig) -> optax.Schedule:
+    """Learning rate by gradient steps taken."""
+    if config.schedule == "cosine":
+        return optax.cosine_decay_schedule(config.learning_rate, config.gradient_steps, alpha=0.02)
+    if config.schedule == "steps":  # Yang et al. 2023, Sec. IV-E
+        return optax.exponential_decay(config.learning_rate, 32, 0.96, staircase=True)
+    return optax.constant_schedule(config.learning_rate)
+
+
+def _optimiser(config: TrainConfig) -> optax.GradientTransformation:
+    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), optax.adam(_schedule(config)))

@@ -1,0 +1,80 @@
+"""What training minimises: the distance from the teacher at first, then PPO's clipped objective."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from maipp.planners.policy_planner import log_probability
+from maipp.policy import PolicyNetwork
+from maipp.training.config import TrainConfig
+from maipp.training.rollout import Transition
+from maipp.training.worlds import Bank
+from maipp.typing import Array, Bool, Float
+
+
+class Sample(NamedTuple):
+    """A decision with what it turned out to be worth."""
+
+    transition: Transition
+    advantage: Float[Array, ""]  # normalised
+    target: Float[Array, ""]
+    valid: Bool[Array, ""]
+
+
+def ask(network: PolicyNetwork, bank: Bank, transition: Transition) -> tuple[Float[Array, " k"], Float[Array, ""]]:
+    """The network's logits and value in the situation of a transition."""
+    assert bank.roadmap.encoding is not None
+    encoding = bank.roadmap.encoding[transition.roadmap, transition.agent] * transition.signs
+    prepared = network.prepare(network.encode(transition.features, encoding))
+    logits, value, _ = network.decode(
+        prepared,
+        transition.node,
+        transition.neighbours,
+        transition.allowed,
+        transition.neighbour_std,
+        transition.remaining,
+        transition.threshold,
+        transition.memory,
+    )
+    return logits, value
+
+
+def sample_loss(
+    config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: Sample, imitate: bool
+) -> tuple[Float[Array, ""], dict[str, Array]]:
+    """Loss of one decision, and its parts.
+
+    Imitation is the cross-entropy from the teacher's choice; PPO as in Schulman et al. 2017, with an entropy bonus. The
+    value is fitted in both.
+    """
+    transition = sample.transition
+    logits, value = ask(network, bank, transition)
+    acts = transition.allowed.any()
+    # Where nothing is allowed any distribution will do: it has no weight, and must have no NaN.
+    logs = jax.nn.log_softmax(jnp.where(acts, logits, 0.0))
+    finite = jnp.where(transition.allowed, logs, 0.0)
+    chances = jnp.where(transition.allowed, jnp.exp(finite), 0.0)
+    entropy = -jnp.sum(chances * finite)
+    imitation = -jnp.sum(transition.lesson * finite)
+    ratio_log = jnp.where(sample.valid, log_probability(logits, transition.index) - transition.log_probability, 0.0)
+    ratio = jnp.exp(ratio_log)
+    clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
+    gain = jnp.minimum(ratio * sample.advantage, clipped * sample.advantage)
+    weight = sample.valid.astype(jnp.float32)
+    policy = -weight * gain
+    error = weight * 0.5 * (value - sample.target) ** 2
+    if imitate:
+        loss = imitation + config.value * error
+    else:
+        loss = policy + config.value * error - config.entropy * entropy * acts
+    parts = {
+        "loss": loss,
+        "policy_loss": policy,
+        "value_loss": error,
+        "entropy": entropy * acts,
+        "imitation_loss": imitation,
+        "kl": weight * (ratio - 1 - ratio_log),
+        "clip_fraction": weight * (jnp.abs(ratio - 1) > config.clip),
+    }
+    return loss, parts

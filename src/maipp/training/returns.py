@@ -1,0 +1,79 @@
+"""Rewards, advantages and returns of asynchronous agents: each agent's next decision ends its last one."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.training.config import TrainConfig
+from maipp.training.rollout import Transition
+from maipp.typing import Array, Bool, Float
+
+# Weight of the final trace in the paper's reward (Yang et al. 2023, Sec. IV-C).
+_FINAL = 0.02
+
+
+class Returns(NamedTuple):
+    """What each decision was worth; meaningless where not `valid`."""
+
+    advantage: Float[Array, "t e"]
+    target: Float[Array, "t e"]  # what the value should have been
+    valid: Bool[Array, "t e"]  # a choice was made, and the agent's next decision is known
+
+
+class _Next(NamedTuple):
+    """Each agent's next decision, going backwards."""
+
+    known: Bool[Array, " m"]
+    trace: Float[Array, " m"]
+    value: Float[Array, " m"]  # of the situation; at the end of its mission, the reward for the end
+    advantage: Float[Array, " m"]
+
+
+def reward(config: TrainConfig, before: Float[Array, "..."], after: Float[Array, "..."]) -> Float[Array, "..."]:
+    """For one decision, from Tr(P) when it was taken to Tr(P) at the agent's next one.
+
+    The drop of log Tr(P), which sums to that of the whole mission; or the paper's relative drop.
+    """
+    if config.reward == "log-trace":
+        return jnp.log(jnp.maximum(before, 1e-3)) - jnp.log(jnp.maximum(after, 1e-3))
+    return (before - after) / jnp.maximum(before, 1e-3)
+
+
+def final_reward(config: TrainConfig, trace: Float[Array, "..."]) -> Float[Array, "..."]:
+    """For the end of an agent's mission: -0.02 Tr(P_f) in the paper, nothing where the rewards sum to it anyway."""
+    return -_FINAL * trace if config.reward == "paper" else jnp.zeros_like(trace)
+
+
+def returns(config: TrainConfig, transitions: Transition, agents: int) -> Returns:
+    """Generalised advantage estimates (Schulman et al. 2016), backwards over events with one carry per agent.
+
+    The last decision of each agent whose mission goes on has no known outcome: it is not valid, and its value stands
+    for all that follows.
+    """
+
+    def back(after: _Next, event: tuple[Array, ...]) -> tuple[_Next, tuple[Array, ...]]:
+        agent, trace, value, stopped, ended = event
+        # Whoever comes later in this slot belongs to another mission.
+        after = jax.tree.map(lambda a: jnp.where(ended, jnp.zeros_like(a), a), after)
+        known = after.known[agent]
+        gain = reward(config, trace, after.trace[agent]) + config.discount * after.value[agent] - value
+        advantage = gain + config.discount * config.trace_decay * after.advantage[agent]
+        advantage = jnp.where(known & ~stopped, advantage, 0.0)
+        worth = jnp.where(stopped, final_reward(config, trace), value)
+        here = jnp.arange(agents) == agent
+        after = _Next(
+            known=after.known | here,
+            trace=jnp.where(here, trace, after.trace),
+            value=jnp.where(here, worth, after.value),
+            advantage=jnp.where(here, advantage, after.advantage),
+        )
+        return after, (advantage, value + advantage, known & ~stopped)
+
+    def mission(agent: Array, trace: Array, value: Array, stopped: Array, ended: Array) -> tuple[Array, ...]:
+        nothing = _Next(jnp.zeros(agents, bool), *(jnp.zeros(agents, value.dtype) for _ in range(3)))
+        return lax.scan(back, nothing, (agent, trace, value, stopped, ended), reverse=True)[1]
+
+    columns = (transitions.agent, transitions.trace, transitions.value, transitions.stopped, transitions.ended)
+    return Returns(*jax.vmap(mission, in_axes=1, out_axes=1)(*columns))

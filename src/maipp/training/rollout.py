@@ -1,0 +1,132 @@
+"""Sampling: missions stepped together, one decision each at a time, begun anew as soon as they end."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.planners.policy_planner import PolicyPlanner
+from maipp.policy import Memory
+from maipp.scenario import Scenario
+from maipp.simulator.engine import advance, due_agent, hear, observe
+from maipp.simulator.state import State, reset
+from maipp.training.config import TrainConfig
+from maipp.training.teacher import no_plan, teach
+from maipp.training.worlds import Bank, World, agent_roadmap, draw_world, mission_of
+from maipp.typing import Array, Bool, Float, Index, Int, Key
+
+
+class Environment(NamedTuple):
+    """A mission in progress and the world it is in."""
+
+    world: World
+    state: State
+    plans: Float[Array, "m h"]  # the teacher's last plan for each agent
+
+
+class Transition(NamedTuple):
+    """One decision, as the update needs it. The encoding is not kept: the bank has it."""
+
+    features: Float[Array, "n 5"]
+    roadmap: Index  # row of the bank
+    agent: Index
+    signs: Float[Array, " e"]
+    node: Index
+    neighbours: Int[Array, " k"]
+    allowed: Bool[Array, " k"]
+    neighbour_std: Float[Array, " k"]
+    remaining: Float[Array, ""]
+    threshold: Float[Array, ""]
+    memory: Memory
+    index: Index  # the neighbour chosen
+    log_probability: Float[Array, ""]
+    value: Float[Array, ""]
+    lesson: Float[Array, " k"]  # the teacher's choice, zero without a teacher
+    trace: Float[Array, ""]  # Tr(P) of the agent's belief when it decided
+    stopped: Bool[Array, ""]  # it had nowhere to go: the end of its mission
+    ended: Bool[Array, ""]  # it was the last of its team
+
+
+def new_environment(
+    config: TrainConfig, scenario: Scenario, planner: PolicyPlanner, bank: Bank, key: Key
+) -> Environment:
+    """A fresh mission in a world of its own."""
+    world = draw_world(config, scenario, bank, key)
+    plans = jnp.broadcast_to(no_plan(), (scenario.agents, *no_plan().shape))
+    return Environment(world, reset(scenario, planner, mission_of(scenario, bank, world)), plans)
+
+
+def step(
+    config: TrainConfig,
+    scenario: Scenario,
+    planner: PolicyPlanner,
+    bank: Bank,
+    environment: Environment,
+    key: Key,
+    follow: Float[Array, ""] | None,
+) -> tuple[Environment, Transition]:
+    """One decision. With `follow`, the probability of doing as the teacher says, the teacher is asked; None: it is not.
+
+    The last agent to stop knows all measurements of a team without range limits: its trace is the final one.
+    """
+    world, state, plans = environment
+    act_key, teach_key, follow_key, pick_key, new_key = jax.random.split(key, 5)
+    mission = mission_of(scenario, bank, world)
+    agent = due_agent(scenario, state)
+    state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
+    state, heard = hear(scenario, mission, state, agent)
+    observation = observe(scenario, mission, state, agent, heard)
+    observation = dataclasses.replace(observation, roadmap=agent_roadmap(bank, world, agent))
+    memory = jax.tree.map(lambda a: a[agent], state.memory)
+    decision, choice = planner.act(act_key, observation, memory)
+    view, index = choice.view, choice.index
+    lesson = jnp.zeros(view.allowed.shape, jnp.float32)
+    if follow is not None:
+        advice = teach(scenario, teach_key, observation, planner.counted(observation), view, plans[agent])
+        lesson, plans = advice.choice.astype(jnp.float32), plans.at[agent].set(advice.plan)
+        obey = jax.random.bernoulli(follow_key, follow) & view.allowed.any()
+        taught = jax.random.categorical(pick_key, jnp.log(jnp.maximum(lesson, 1e-30))).astype(jnp.int32)
+        index = jnp.where(obey, taught, index)
+        target = jnp.asarray(observation.roadmap.nodes)[view.neighbours[index]]  # type: ignore[union-attr]
+        decision = dataclasses.replace(decision, waypoints=jnp.where(obey, target[None], decision.waypoints))
+    after = advance(scenario, planner, mission, state, agent, decision)
+    ended = ~after.active.any()
+    transition = Transition(
+        features=view.features.astype(jnp.float32),
+        roadmap=world.roadmap,
+        agent=agent,
+        signs=world.signs,
+        **{name: getattr(view, name) for name in ("node", "neighbours", "allowed", "neighbour_std", "remaining")},
+        threshold=view.threshold,
+        memory=choice.memory,
+        index=index,
+        log_probability=choice.log_probability,
+        value=choice.value,
+        lesson=lesson,
+        trace=planner.interest.trace(observation.belief.mean, observation.belief.variance, observation.inside),
+        stopped=~view.allowed.any(),
+        ended=ended,
+    )
+    fresh = new_environment(config, scenario, planner, bank, new_key)
+    going = Environment(world, after, plans)
+    return jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, going), transition
+
+
+def roll_out(
+    config: TrainConfig,
+    scenario: Scenario,
+    planner: PolicyPlanner,
+    bank: Bank,
+    environments: Environment,
+    key: Key,
+    follow: Float[Array, ""] | None,
+) -> tuple[Environment, Transition]:
+    """`config.events` decisions of each of a shard's missions; transitions have leading axes (events, missions)."""
+
+    def event(environments: Environment, key: Key) -> tuple[Environment, Transition]:
+        keys = jax.random.split(key, config.missions)
+        return jax.vmap(lambda e, k: step(config, scenario, planner, bank, e, k, follow))(environments, keys)
+
+    return lax.scan(event, environments, jax.random.split(key, config.events))

@@ -1,0 +1,103 @@
+"""Worlds to train in: a bank of roadmaps drawn beforehand, and fields, budgets and symmetries drawn on the fly."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from maipp.fields import evaluation_grid, sample_mixture
+from maipp.roadmap import Roadmap
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, draw_missions
+from maipp.training.config import TrainConfig
+from maipp.typing import Array, Float, Index, Int, Key
+
+# Added to the seeds that training draws worlds from: `maipp evaluate --seed` below this never meets any of them.
+TRAINING_SEEDS = 1_000_000_000
+
+
+class Bank(NamedTuple):
+    """Roadmaps of b teams that start together."""
+
+    roadmap: Roadmap  # leading axes (b, m), with encodings
+    start: Float[Array, "b m 2"]
+
+
+class World(NamedTuple):
+    """One world: which of the bank's roadmaps, seen how, and what lies there."""
+
+    field: Array  # the ground truth, a pytree callable on points
+    truth: Float[Array, " q"]
+    budgets: Float[Array, " m"]
+    roadmap: Index  # row of the bank
+    symmetry: Int[Array, ""]  # of the square, 0..7
+    signs: Float[Array, " e"]  # +-1 for each column of the encoding
+
+
+def training_scenario(config: TrainConfig) -> Scenario:
+    """The scenario that missions are trained in; its budget is the largest of those drawn."""
+    return Scenario(agents=config.agents, length_scale=config.length_scale, budget=config.budget[1])
+
+
+def draw_bank(config: TrainConfig, scenario: Scenario, encodings: int) -> Bank:
+    """The bank of this configuration; one bank is the same on every machine."""
+    missions = draw_missions(scenario, seed=TRAINING_SEEDS + config.seed, instances=config.bank, encodings=encodings)
+    assert missions.roadmap is not None
+    return Bank(missions.roadmap, missions.start)
+
+
+def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) -> World:
+    """A world: random roadmap of the bank in a random symmetry, random field, one random budget for all agents."""
+    field_key, budget_key, row_key, symmetry_key, sign_key = jax.random.split(key, 5)
+    grid = evaluation_grid(scenario.grid, scenario.extent)
+    field = sample_mixture(
+        field_key,
+        components=scenario.mixture_components,
+        variance=scenario.mixture_variance,
+        extent=scenario.extent,
+        grid=grid,
+    )
+    budget = jax.random.uniform(budget_key, (), minval=config.budget[0], maxval=config.budget[1])
+    assert bank.roadmap.encoding is not None
+    return World(
+        field=field,  # type: ignore[arg-type]  # a pytree of arrays
+        truth=field(grid),
+        budgets=jnp.full(scenario.agents, budget),
+        roadmap=jax.random.randint(row_key, (), 0, bank.start.shape[0]),
+        symmetry=jax.random.randint(symmetry_key, (), 0, 8),
+        signs=jax.random.rademacher(sign_key, (bank.roadmap.encoding.shape[-1],), jnp.float32),
+    )
+
+
+def turned(symmetry: Int[Array, ""], points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
+    """Points of the unit square under one of its 8 symmetries: bit 0 swaps x and y, bits 1 and 2 mirror them."""
+    points = jnp.where(symmetry & 1, points[..., ::-1], points)
+    mirror = jnp.stack([symmetry >> 1 & 1, symmetry >> 2 & 1]) == 1
+    return jnp.where(mirror, 1.0 - points, points)
+
+
+def mission_of(scenario: Scenario, bank: Bank, world: World) -> Mission:
+    """The mission to be simulated, without roadmaps: `agent_roadmap` gives the due agent's when it is asked for."""
+    grid = evaluation_grid(scenario.grid, scenario.extent)
+    return Mission(
+        field=world.field,
+        grid=grid,
+        truth=world.truth,
+        inside=jnp.ones(grid.shape[0], bool),
+        start=turned(world.symmetry, bank.start[world.roadmap]),
+        budgets=world.budgets,
+        speeds=jnp.asarray(scenario.speeds, grid.dtype),
+        roadmap=None,
+    )
+
+
+def agent_roadmap(bank: Bank, world: World, agent: Index) -> Roadmap:
+    """The roadmap of one agent, turned and with its encoding's signs as the world has them."""
+    own = jax.tree.map(lambda a: a[world.roadmap, agent], bank.roadmap)
+    return Roadmap(
+        nodes=turned(world.symmetry, own.nodes),
+        neighbours=own.neighbours,
+        distances=own.distances,
+        reachable=own.reachable,
+        encoding=own.encoding * world.signs,
+    )
