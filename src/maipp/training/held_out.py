@@ -1,0 +1,56 @@
+"""How good a network is along the way: its planner on worlds that no training run draws."""
+
+import dataclasses
+import math
+import time
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from maipp.planners import make_planner
+from maipp.policy import PolicyNetwork
+from maipp.scenario import Scenario
+from maipp.simulator import draw_missions, run_missions
+from maipp.simulator.metrics import score_missions
+from maipp.training.config import TrainConfig
+
+# Apart from the seeds 0, 1, 2... that people give to `maipp evaluate` and to training.
+EVALUATION_SEED = 1_720_934_515
+
+PLANNERS = {"ti": "ti-star", "sga-catnipp": "sga-catnipp"}  # who moves by the network that is trained
+
+
+class HeldOut(NamedTuple):
+    """Final Tr(P) on the held-out worlds."""
+
+    trace: float  # mean
+    se: float | None  # its standard error over worlds; None for one world
+    seconds: float
+
+
+class HeldOutWorlds:
+    """The held-out worlds of a configuration, drawn once."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        """Draw them."""
+        self.scenario = Scenario.create(
+            agents=config.agents, length_scale=config.length_scale, budget=config.evaluate_budget
+        )
+        self.name = PLANNERS[config.policy]
+        self._planner = make_planner(self.name, self.scenario, {"weights": "untrained"})
+        self._missions = draw_missions(
+            self.scenario,
+            seed=EVALUATION_SEED,
+            instances=config.evaluate_instances,
+            encodings=self._planner.encoding_dimensions,
+        )
+
+    def evaluate(self, network: PolicyNetwork) -> HeldOut:
+        """Run and score the planner with this network, which must lie on the default device alone."""
+        began = time.perf_counter()
+        planner = dataclasses.replace(self._planner, network=network)  # type: ignore[type-var]  # modules are dataclasses
+        states = run_missions(self.scenario, planner, self._missions, jax.random.key(EVALUATION_SEED))
+        traces = np.asarray(score_missions(self.scenario, self._missions, states).trace, np.float64)
+        se = float(traces.std(ddof=1)) / math.sqrt(len(traces)) if len(traces) > 1 else None
+        return HeldOut(float(traces.mean()), se, time.perf_counter() - began)
