@@ -135,9 +135,13 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]] | None:
     """Tensors and card of a checkpoint; None where anything is missing or not what was written."""
     try:
         card = json.loads((path / CARD).read_bytes())
-        if card["schema"] != SCHEMA:
-            raise InputError(f"{path}: schema: {card['schema']!r} is not one this version reads; it reads {SCHEMA!r}")
-        tensors = {}
+        schema = card["schema"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if schema != SCHEMA:
+        raise InputError(f"{path}: schema: {schema!r} is not one this version reads; it reads {SCHEMA!r}")
+    tensors = {}
+    try:
         for name, digest in card["files"].items():
             content = (path / name).read_bytes()
             if hashlib.sha256(content).hexdigest() != digest:

@@ -40,6 +40,8 @@ def load_config(path: str | os.PathLike[str]) -> TrainConfig:
 
 def parse_config(text: str, *, source: str = "training") -> TrainConfig:
     """The configuration in YAML text; errors name `source`."""
+    if not text.strip():
+        raise InputError(f"{source}: empty; docs/training.md lists the keys")
     config, lines = TrainConfig(), {}
     values: dict[str, Any] = {}
     for key, value, line in _pairs(text, source):

@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -20,12 +20,14 @@ from maipp.training.curves import draw_learning_curve
 from maipp.training.held_out import EVALUATION_SEED, HeldOut, HeldOutWorlds
 from maipp.training.hosts import Hosts, any_of, from_first, from_host, hosts_of, to_host
 from maipp.training.journal import Journal
+from maipp.training.learner import Learner
 from maipp.training.run_folder import CHECKPOINTS, Record, claim
 from maipp.training.signals import StopRequest
 
 BEST, FINAL = "best.safetensors", "final.safetensors"
 
 
+@runtime_checkable
 class LearnerLike(Protocol):
     """What the loop needs of a `Learner`."""
 
@@ -80,11 +82,7 @@ def train(
     hosts = hosts or hosts_of(config.shards)
     _check_agreed(config, hosts)
     claim(out, config, resume=resume, writes=hosts.process == 0)
-    if learner is None:
-        from maipp.training.learner import Learner
-
-        learner = Learner(config, hosts.devices)
-    assert learner is not None  # for pyright, as long as the import is lazy
+    learner = learner or Learner(config, hosts.devices)
     return _Run(config, out, hosts, learner, dict(about or {}), progress or (lambda step: None)).run()
 
 
