@@ -56,25 +56,45 @@ def test_interest_traces_its_own_area(mean, variance, inside, rule, beta):
 
 
 @given(values, spreads, hnp.arrays(bool, 25), st.sampled_from(["std", "variance"]))
-def test_the_smooth_trace_becomes_the_trace(mean, variance, inside, rule):
-    """Away from the border of the area a small temperature changes nothing; a large one counts every point half."""
+def test_the_expected_trace_without_spread_becomes_the_trace(mean, variance, inside, rule):
+    """Away from the border of the area a small blur changes nothing; a large one counts every point half."""
     interest = Interest(0.4, 1.0, rule)
     bound = np.asarray(upper_confidence_bound(jnp.asarray(mean), jnp.asarray(variance), 1.0, rule))
     clear = jnp.asarray(inside & (np.abs(bound - 0.4) > 0.02).all(axis=0))
-    mean, variance = jnp.asarray(mean), jnp.asarray(variance)
-    sharp, exact = interest.soft_trace(mean, variance, clear, 1e-3), interest.trace(mean, variance, clear)
-    np.testing.assert_allclose(sharp, exact, rtol=1e-4, atol=1e-4)
+    mean, variance, known = jnp.asarray(mean), jnp.asarray(variance), jnp.ones(25)
+    sharp = interest.expected_trace(mean, variance, known, clear, spread=0.0, blur=1e-3)
+    np.testing.assert_allclose(sharp, interest.trace(mean, variance, clear), rtol=1e-4, atol=1e-4)
     half = 0.5 * np.where(inside, variance, 0.0).sum(axis=1)
-    np.testing.assert_allclose(
-        interest.soft_trace(mean, variance, jnp.asarray(inside), 1e5), half, rtol=1e-3, atol=1e-3
+    blurred = interest.expected_trace(mean, variance, known, jnp.asarray(inside), spread=0.0, blur=1e5)
+    np.testing.assert_allclose(blurred, half, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("spread", [1.0, 0.5])
+def test_the_expected_trace_is_the_mean_over_what_may_be_measured(spread):
+    """Against the trace of drawn means: normal, with the variance that the measurement takes away."""
+    rng = np.random.default_rng(0)
+    known, mean = rng.uniform(0.2, 1.0, 25).astype(np.float32), rng.normal(size=25).astype(np.float32) * 0.5
+    variance = known * rng.uniform(0.05, 0.95, 25).astype(np.float32)
+    drawn = mean + spread * np.sqrt(known - variance) * rng.normal(size=(40_000, 25)).astype(np.float32)
+    interest, inside = Interest(), jnp.ones(25, bool)
+    traces = np.asarray(interest.trace(jnp.asarray(drawn), jnp.broadcast_to(variance, drawn.shape), inside))
+    found = interest.expected_trace(
+        jnp.asarray(mean), jnp.asarray(variance), jnp.asarray(known), inside, spread=spread, blur=1e-4
     )
+    assert float(found) == pytest.approx(traces.mean(), abs=5 * traces.std() / np.sqrt(len(traces)))
 
 
-def test_the_smooth_trace_has_a_slope_where_nothing_is_unknown():
+def test_the_expected_trace_has_a_slope_where_nothing_is_unknown():
     interest = Interest()
-    slope = jax.grad(lambda v: interest.soft_trace(jnp.full(3, 0.5), v, jnp.ones(3, bool), 0.1))(jnp.zeros(3))
+
+    def value(variance):
+        return interest.expected_trace(
+            jnp.full(3, 0.5), variance, jnp.zeros(3), jnp.ones(3, bool), spread=0.3, blur=0.02
+        )
+
+    slope = np.asarray(jax.grad(value)(jnp.zeros(3)))
     assert np.isfinite(slope).all()
-    assert (np.asarray(slope) > 0).all()
+    assert (slope > 0).all()
 
 
 def test_a_variance_rounded_below_zero_does_not_drop_a_point():

@@ -1,8 +1,8 @@
 """The high-interest area and the quality measures taken over it."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
+from jax.scipy.special import ndtr
 
 from maipp.belief.posterior import Belief
 from maipp.typing import Array, Bool, Float
@@ -53,22 +53,27 @@ class Interest(eqx.Module):
         """Tr(P) over the predicted high-interest area of this mean and variance; leading axes are kept."""
         return jnp.sum(jnp.where(self.area(mean, variance, inside), variance, 0.0), axis=-1)
 
-    def soft_trace(
+    def expected_trace(
         self,
         mean: Float[Array, "*b q"],
         variance: Float[Array, "*b q"],
+        known: Float[Array, " q"],
         inside: Bool[Array, " q"],
-        temperature: float,
+        *,
+        spread: float = 1.0,
+        blur: float,
     ) -> Float[Array, "*b"]:
-        """Tr(P) with a smooth area border: differentiable in the variance, the exact trace as `temperature` -> 0.
+        """Tr(P) expected once planned measurements have been taken; smooth in the variance.
 
-        A point counts by the logistic of how far its upper confidence bound is above the threshold, in units of
-        `temperature` (normalised field units).
+        `variance` is what the measurements leave of the `known` variance now. Their values are not known yet: by the
+        belief, the mean at a point will be normal around `mean` with variance `known - variance`, which says how
+        likely the point is to stay in the area. `spread` scales that deviation; `blur` (field units, > 0) is added to
+        it in squares. Without spread it is the exact trace as `blur` -> 0.
         """
         # The square root has no slope at a variance of zero; a point that well known weighs nothing.
         bound = upper_confidence_bound(mean, jnp.maximum(variance, 1e-8), self.beta, self.rule)
-        weight = jax.nn.sigmoid((bound - self.threshold) / temperature)
-        return jnp.sum(jnp.where(inside, weight * variance, 0.0), axis=-1)
+        width = jnp.sqrt(spread**2 * jnp.maximum(known - variance, 0.0) + blur**2)
+        return jnp.sum(jnp.where(inside, ndtr((bound - self.threshold) / width) * variance, 0.0), axis=-1)
 
 
 def trace(variance: Float[Array, "*q"], area: Bool[Array, "*q"]) -> Float[Array, ""]:

@@ -1,4 +1,4 @@
-"""Plans as headings: legs of fixed length, each in a direction of its own, that never leave the domain."""
+"""Plans in the plane that never leave the domain: straight legs as headings, bent legs as displacements."""
 
 import jax.numpy as jnp
 
@@ -44,3 +44,53 @@ def _leg(x: Array, y: Array, dx: Array, dy: Array, step: Array, extent: tuple[fl
     across = jnp.where(turned_y & ~turned, jnp.where(dx >= 0, rest_x, -rest_x), moved)
     across = jnp.where((x + across > width) | (x + across < 0.0), -across, across)
     return jnp.clip(x + across, 0.0, width), inside_y
+
+
+def walk_bent(
+    start: Float[Array, "2"],
+    displacements: Float[Array, "*c h 2"],
+    steps: Float[Array, " h"],
+    extent: tuple[float, float],
+) -> Float[Array, "*c h 2"]:
+    """Ends of legs that may bend, so that a leg of length `steps` (domain units) ends at most that far away.
+
+    `displacements` are in units of the leg; longer ones are shortened to 1. A leg that would leave the domain ends at
+    the nearest point of its border. Smooth in the displacements between such points.
+    """
+    moves = steps[:, None] * within_leg(displacements)
+    point = jnp.broadcast_to(start, (*displacements.shape[:-2], 2))
+    points: list[Array] = []
+    for i in range(displacements.shape[-2]):
+        point = jnp.clip(point + moves[..., i, :], 0.0, jnp.asarray(extent, start.dtype))
+        points.append(point)
+    return jnp.stack(points, axis=-2)
+
+
+def within_leg(displacements: Float[Array, "*c 2"]) -> Float[Array, "*c 2"]:
+    """Displacements in units of the leg, those longer than 1 shortened to 1."""
+    squared = jnp.sum(displacements * displacements, axis=-1, keepdims=True)
+    # A root of at least one: its slope stays finite.
+    return displacements / jnp.sqrt(jnp.maximum(squared, 1.0))
+
+
+def bend(
+    start: Float[Array, "2"], end: Float[Array, "2"], length: Float[Array, ""], extent: tuple[float, float]
+) -> Float[Array, "2"]:
+    """Where a leg bends that takes `length` (domain units) from `start` to an `end` at most that far away.
+
+    Of the four ends of the axes of the ellipse with these foci, the one that stays in the domain and nearest to its
+    centre. Where a leg is longer than the domain is wide there may be none: the point is clipped, the way shorter.
+    """
+    size = jnp.asarray(extent, start.dtype)
+    across = end - start
+    squared = jnp.sum(across * across)
+    far = squared > 1e-10
+    along = jnp.where(far, across / jnp.sqrt(jnp.where(far, squared, 1.0)), jnp.asarray([1.0, 0.0], start.dtype))
+    minor = 0.5 * jnp.sqrt(jnp.maximum(length * length - squared, 0.0))
+    aside, ahead = minor * jnp.stack([-along[1], along[0]]), 0.5 * length * along
+    middle = 0.5 * (start + end)
+    corners = middle + jnp.stack([aside, -aside, ahead, -ahead])
+    outside = jnp.sum(jnp.abs(corners - jnp.clip(corners, 0.0, size)), axis=-1)
+    offset = jnp.sum((corners - 0.5 * size) ** 2, axis=-1)
+    best = jnp.argmin(jnp.where(outside > 0, 1e3 * (1.0 + outside), 0.0) + offset)
+    return jnp.clip(corners[best], 0.0, size)

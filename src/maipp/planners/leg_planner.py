@@ -2,41 +2,51 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax import lax
+from jax.scipy.special import ndtr
 
 from maipp.belief import Belief
+from maipp.belief.interest import upper_confidence_bound
 from maipp.errors import InputError
-from maipp.planners.headings import walk
-from maipp.planners.lookahead import predicted_trace, predicted_variance
+from maipp.planners.headings import walk, walk_bent
+from maipp.planners.lookahead import predicted
 from maipp.planners.plan_search import SearchOptions, search
 from maipp.simulator.decision import Planner
-from maipp.typing import Array, Bool, Float, Key
+from maipp.typing import Array, Bool, Float, Int, Key
 
-# Largest spacing of the points that the search looks at, in length scales of the belief.
-_COARSEST = 0.2
+# Width of the border of the area by which grid points are picked for the search, field units.
+_BORDER = 0.15
+
+# Powers of the inverse plastic number: multiples of them fill a plane evenly (Roberts 2018, the R2 sequence).
+_LATTICE = (0.7548776662, 0.5698402910)
+
+# How far from a measurement it still tells of a point, in length scales.
+_NEAR = 0.6
 
 
 class LegPlanner(Planner):
-    """Finds the legs, one measurement each, with the lowest predicted Tr(P)."""
+    """Finds the legs, one measurement each, with the lowest expected Tr(P)."""
 
     horizon: int = eqx.field(static=True, default=4)  # legs planned, one measurement each
     candidates: int = eqx.field(static=True, default=128)  # random plans scored
     elites: int = eqx.field(static=True, default=8)  # of them refined by gradient
     steps: int = eqx.field(static=True, default=20)  # gradient steps
-    rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians
-    temperature: float = eqx.field(static=True, default=0.1)  # width of the smoothed area border, field units
-    stride: int = eqx.field(static=True, default=0)  # search on every stride-th grid point per axis; 0: by length scale
+    rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians or legs
+    spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
+    blur: float = eqx.field(static=True, default=0.02)  # smoothing of the area's border, field units
+    points: int = eqx.field(static=True, default=225)  # grid points that the search looks at
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        for name in ("horizon", "candidates", "elites", "steps"):
+        for name in ("horizon", "candidates", "elites", "steps", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
         if self.elites > self.candidates:
             raise InputError(f"elites={self.elites} is more than candidates={self.candidates}; give at most as many")
-        if not self.rate > 0 or not self.temperature > 0:
-            raise InputError(f"rate={self.rate}, temperature={self.temperature}: both must be > 0")
-        if not 0 <= self.stride <= self.scenario.grid:
-            raise InputError(f"stride={self.stride}: give 1 to {self.scenario.grid} grid points, or 0 for automatic")
+        if not self.rate > 0 or not self.blur > 0:
+            raise InputError(f"rate={self.rate}, blur={self.blur}: both must be > 0")
+        if not self.spread >= 0:
+            raise InputError(f"spread={self.spread}: give a number >= 0")
 
     @property
     def missions_per_core(self) -> int:
@@ -49,42 +59,69 @@ class LegPlanner(Planner):
         belief: Belief,
         inside: Bool[Array, " q"],
         position: Float[Array, "2"],
-        last: Float[Array, " h"],
+        last: Float[Array, " h *d"],
         steps: Float[Array, " h"],
         affordable: Bool[Array, " h"],
-    ) -> Float[Array, " h"]:
-        """Headings of the best plan found for one agent, given what the belief already counts as measured."""
-        index = self.coarse_points()
-        coarse, coarse_inside = belief.at(index), inside[index]
+        known: Float[Array, " q"] | None = None,
+    ) -> Float[Array, " h *d"]:
+        """The best plan found for one agent, given what the belief already counts as measured.
 
-        def legs(headings: Float[Array, "c h"]) -> tuple[Float[Array, "c h 2"], Bool[Array, "c h"]]:
-            return walk(position, headings, steps, self.scenario.extent), jnp.broadcast_to(affordable, headings.shape)
+        `last` is the plan to begin from: headings (h,), radians, for straight legs, or displacements (h, 2), units of
+        a leg, for legs that may bend; the plan returned is of the same form. `known` is the variance that measured
+        values leave, where the belief counts some as measured whose values are not known yet.
+        """
+        known = belief.variance if known is None else known
+        ends = walk_bent if last.ndim == 2 else walk
+        reach = jnp.sum(jnp.where(affordable, steps, 0.0))
+        index = self.points_in_play(belief, inside, position, reach)
+        coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
 
-        def exact(belief: Belief, inside: Bool[Array, " i"], headings: Float[Array, "c h"]) -> Float[Array, " c"]:
-            value = self.scenario.virtual_value
-            return predicted_trace(belief, self.interest, inside, *legs(headings), virtual_value=value)
-
-        def smooth(headings: Float[Array, "c h"]) -> Float[Array, " c"]:
-            variance = predicted_variance(coarse, *legs(headings))
-            mean = jnp.broadcast_to(coarse.mean, variance.shape)
-            return self.interest.soft_trace(mean, variance, coarse_inside, self.temperature)
+        def value(
+            belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "c h *d"]
+        ) -> Float[Array, " c"]:
+            points = ends(position, plans, steps, self.scenario.extent)
+            taken = jnp.broadcast_to(affordable, points.shape[:-1])
+            return self.expected(
+                *predicted(belief, points, taken, virtual_value=self.scenario.virtual_value), known, inside
+            )
 
         return search(
             key,
             last,
-            score=lambda headings: exact(coarse, coarse_inside, headings),
-            smooth=smooth,
-            final=lambda headings: exact(belief, inside, headings),
+            score=lambda plans: value(coarse, coarse_inside, coarse_known, plans),
+            final=lambda plans: value(belief, inside, known, plans),
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
         )
 
-    def coarse_points(self) -> Array:
-        """Indices of the grid points that the search looks at; the final choice looks at all."""
-        grid = self.scenario.grid
-        spacing = max(self.scenario.extent) / (grid - 1)
-        # Measured at length scale 0.25: a search that sees points 0.28 length scales apart leaves a tenth more Tr(P)
-        # than one that sees them 0.14 apart; at 0.45, 0.15 apart, a finer one gains nothing.
-        automatic = max(1, min(int(_COARSEST * self.scenario.length_scale / spacing), grid // 4))
-        stride = self.stride or automatic
-        side = jnp.arange(min(stride // 2, grid - 1), grid, stride)
-        return (side[:, None] * grid + side).reshape(-1)
+    def expected(
+        self,
+        mean: Float[Array, "*c q"],
+        variance: Float[Array, "*c q"],
+        known: Float[Array, " q"],
+        inside: Bool[Array, " q"],
+    ) -> Float[Array, "*c"]:
+        """What a plan is judged by: the Tr(P) expected after it."""
+        # Who takes planned values for zero has no doubt about them.
+        spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
+        return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=self.blur)
+
+    def points_in_play(
+        self,
+        belief: Belief,
+        inside: Bool[Array, " q"],
+        position: Float[Array, "2"] | None = None,
+        reach: Float[Array, ""] | None = None,
+    ) -> Int[Array, " i"]:
+        """Indices of the grid points that matter most: uncertain, maybe of high interest, and within reach if given."""
+        bound = upper_confidence_bound(belief.mean, belief.variance, self.interest.beta, self.interest.rule)
+        weight = belief.variance * ndtr((bound - self.interest.threshold) / _BORDER)
+        if position is not None and reach is not None:
+            offset = belief.query - position
+            far = jnp.sum(offset * offset, axis=-1) > (reach + _NEAR * self.scenario.length_scale) ** 2
+            # Not nothing: where few points are within reach, the rest is filled up by weight.
+            weight = jnp.where(far, 1e-3 * weight, weight)
+        # Where all points are worth alike, as at first, an even lattice of them and not the first ones.
+        count = belief.query.shape[0]
+        x, y = jnp.divmod(jnp.arange(count), self.scenario.grid)
+        weight = weight * (1.0 + (_LATTICE[0] * x + _LATTICE[1] * y) % 1.0)
+        return lax.top_k(jnp.where(inside, weight, -1.0), min(self.points, count))[1]

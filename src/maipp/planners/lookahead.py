@@ -78,6 +78,24 @@ def predicted_variance(belief: Belief, points: Float[Array, "c h 2"], taken: Boo
     return jnp.maximum(belief.variance - jnp.sum(rows * rows, axis=1), 0.0)
 
 
+def predicted(
+    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"], *, virtual_value: str = "mean"
+) -> tuple[Float[Array, "c q"], Float[Array, "c q"]]:
+    """Mean and variance at the query points after each candidate's measurements.
+
+    `virtual_value="mean"` measures the predicted mean, so only the covariance changes (paper Sec. III-B); `"zero"`
+    measures zero everywhere.
+    """
+    virtual = virtual_measurements(belief, points, taken)
+    variance = jnp.maximum(belief.variance - jnp.sum(virtual.rows * virtual.rows, axis=1), 0.0)
+    mean = jnp.broadcast_to(belief.mean, variance.shape)
+    if virtual_value == "zero":
+        expected = virtual.whitened @ belief.whitened_values  # (c, h) what the belief expects there
+        innovation = jnp.einsum("chg,cg->ch", virtual.inverse_factor, jnp.where(taken, -expected, 0.0))
+        mean = mean + jnp.einsum("ch,chq->cq", innovation, virtual.rows)
+    return mean, variance
+
+
 def predicted_trace(
     belief: Belief,
     interest: Interest,
@@ -87,16 +105,5 @@ def predicted_trace(
     *,
     virtual_value: str = "mean",
 ) -> Float[Array, " c"]:
-    """Tr(P) over the refreshed high-interest area after each candidate's measurements.
-
-    `virtual_value="mean"` measures the predicted mean, so only the covariance changes (paper Sec. III-B); `"zero"`
-    measures zero everywhere.
-    """
-    virtual = virtual_measurements(belief, points, taken)
-    variance = jnp.maximum(belief.variance - jnp.sum(virtual.rows * virtual.rows, axis=1), 0.0)
-    mean = jnp.broadcast_to(belief.mean, variance.shape)
-    if virtual_value == "zero":
-        predicted = virtual.whitened @ belief.whitened_values  # (c, h) what the belief expects there
-        innovation = jnp.einsum("chg,cg->ch", virtual.inverse_factor, jnp.where(taken, -predicted, 0.0))
-        mean = mean + jnp.einsum("ch,chq->cq", innovation, virtual.rows)
-    return interest.trace(mean, variance, inside)
+    """Tr(P) over the refreshed high-interest area after each candidate's measurements, valued as in `predicted`."""
+    return interest.trace(*predicted(belief, points, taken, virtual_value=virtual_value), inside)

@@ -1,4 +1,4 @@
-"""Search over plans given as headings: random starts, then the gradient of a smoothed Tr(P)."""
+"""Search over plans: random starts, then the gradient of a smooth objective."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,6 +13,9 @@ from maipp.typing import Array, Float, Key
 # measure the same place twice.
 _TURN = 0.8
 
+# Shortest random leg that may bend, in units of the leg: half of them are straight.
+_SHORTEST = 0.3
+
 # Adam's decay rates. Short memories: a search takes some twenty steps.
 _MOMENTUM, _SCALE = 0.7, 0.9
 
@@ -23,35 +26,41 @@ class SearchOptions(NamedTuple):
     candidates: int  # random plans scored
     elites: int  # best of them that are refined
     steps: int  # gradient steps
-    rate: float  # first gradient step, radians; falls to zero linearly
+    rate: float  # first gradient step, radians or units of a leg; falls to zero linearly
 
 
-def random_plans(key: Key, last: Float[Array, " h"], count: int) -> Float[Array, "c h"]:
-    """Headings of random plans: a quarter near the last plan, the others in any direction with random turns."""
-    first_key, turn_key, near_key = jax.random.split(key, 3)
+def random_plans(key: Key, last: Float[Array, " h *d"], count: int) -> Float[Array, "c h *d"]:
+    """Random plans: a quarter near the last plan, the others in any direction with random turns.
+
+    Plans are headings (h,), radians, or displacements (h, 2), units of a leg, whichever `last` is.
+    """
+    first_key, turn_key, near_key, stretch_key = jax.random.split(key, 4)
     legs = last.shape[0]
     first = jax.random.uniform(first_key, (count, 1), minval=-jnp.pi, maxval=jnp.pi)
     turns = _TURN * jax.random.normal(turn_key, (count, legs - 1))
     fresh = jnp.concatenate([first, first + jnp.cumsum(turns, axis=1)], axis=1)
+    if last.ndim == 2:
+        stretch = jax.random.uniform(stretch_key, (count, legs), minval=_SHORTEST, maxval=2.0 - _SHORTEST)
+        fresh = jnp.minimum(stretch, 1.0)[..., None] * jnp.stack([jnp.cos(fresh), jnp.sin(fresh)], axis=-1)
     near = max(1, count // 4)
     # The first of them is the last plan itself.
-    spread = jnp.linspace(0.0, 0.5, near)[:, None]
-    return fresh.at[:near].set(last + spread * jax.random.normal(near_key, (near, legs)))
+    spread = jnp.linspace(0.0, 0.5, near).reshape(-1, *[1] * last.ndim)
+    return fresh.at[:near].set(last + spread * jax.random.normal(near_key, (near, *last.shape)))
 
 
 def descend(
-    gradient: Callable[[Array], Array], start: Float[Array, "*e h"], steps: int, rate: float
-) -> Float[Array, "*e h"]:
+    gradient: Callable[[Array], Array], start: Float[Array, "*e"], steps: int, rate: float
+) -> Float[Array, "*e"]:
     """`start` after Adam steps (Kingma & Ba 2015) whose length falls linearly from `rate` to zero."""
 
     def step(i: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        headings, mean, square = carry
-        slope = jnp.nan_to_num(gradient(headings))
+        plans, mean, square = carry
+        slope = jnp.nan_to_num(gradient(plans))
         mean = _MOMENTUM * mean + (1 - _MOMENTUM) * slope
         square = _SCALE * square + (1 - _SCALE) * slope * slope
-        count = i.astype(headings.dtype) + 1
+        count = i.astype(plans.dtype) + 1
         direction = (mean / (1 - _MOMENTUM**count)) / (jnp.sqrt(square / (1 - _SCALE**count)) + 1e-9)
-        return headings - rate * (1 - i / steps) * direction, mean, square
+        return plans - rate * (1 - i / steps) * direction, mean, square
 
     zeros = jnp.zeros_like(start)
     return lax.fori_loop(0, steps, step, (start, zeros, zeros))[0]
@@ -59,21 +68,20 @@ def descend(
 
 def search(
     key: Key,
-    last: Float[Array, " h"],
+    last: Float[Array, " h *d"],
     *,
     score: Callable[[Array], Array],
-    smooth: Callable[[Array], Array],
     final: Callable[[Array], Array],
     options: SearchOptions,
-) -> Float[Array, " h"]:
-    """The best plan found, radians.
+) -> Float[Array, " h *d"]:
+    """The best plan found, in the form of `last`, the plan to begin from.
 
-    `score` (c, h) -> (c,) ranks the random plans, the gradient of `smooth` (e, h) -> (e,) refines the best of them,
-    and `final` (e, h) -> (e,) chooses among the refined and the unrefined.
+    `score` (c, h, *d) -> (c,) ranks the random plans, its gradient refines the best of them, and `final`, of the same
+    shape, chooses among the refined and the unrefined.
     """
     plans = random_plans(key, last, options.candidates)
     _, best = lax.top_k(-score(plans), options.elites)
     elites = plans[best]
-    refined = descend(jax.grad(lambda h: jnp.sum(smooth(h))), elites, options.steps, options.rate)
+    refined = descend(jax.grad(lambda plans: jnp.sum(score(plans))), elites, options.steps, options.rate)
     finalists = jnp.concatenate([elites, refined])
     return finalists[jnp.argmin(final(finalists))]

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.headings import walk
+from maipp.planners.headings import bend, walk_bent, within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
@@ -15,7 +15,9 @@ from maipp.typing import Key
 
 
 class RecedingHorizon(LegPlanner):
-    """The next `horizon` legs, one measurement each, with the lowest predicted Tr(P); travel one leg, plan again.
+    """The next `horizon` legs, one measurement each, with the lowest expected Tr(P); travel one leg, plan again.
+
+    A leg may bend once, so that the next measurement may lie nearer than the way to it is long.
 
     Decentralised: the agent that is due plans its own legs and counts those the others announced as measured. With
     `joint=True` it plans the legs of the whole team together: the strongest reference, not a method for the field.
@@ -23,6 +25,11 @@ class RecedingHorizon(LegPlanner):
 
     joint: bool = eqx.field(static=True, default=False)  # plan all agents' legs together
     sweeps: int = eqx.field(static=True, default=2)  # joint: times each agent's plan is optimised given the others'
+
+    @property
+    def waypoints_per_decision(self) -> int:
+        """The bend of a leg and its end."""
+        return 2
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
@@ -36,8 +43,8 @@ class RecedingHorizon(LegPlanner):
         return nothing_planned(announced) if self.joint else announced
 
     def initial_memory(self) -> PyTree:
-        """Headings of the last plan (h,), radians."""
-        return jnp.zeros(self.horizon)
+        """The last plan: displacements (h, 2), units of a leg."""
+        return jnp.zeros((self.horizon, 2)).at[:, 0].set(1.0)
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
@@ -45,13 +52,16 @@ class RecedingHorizon(LegPlanner):
         steps = jnp.diff(offsets, prepend=0.0)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         if self.joint:
-            headings = plan_team(self, self.sweeps, key, observation, memory, steps, affordable)
+            plan = plan_team(self, self.sweeps, key, observation, memory, steps, affordable)
         else:
             belief = with_announced(observation, observation.messages, self.scenario.virtual_value)
-            headings = self.plan_legs(key, belief, observation.inside, observation.position, memory, steps, affordable)
-        points = walk(observation.position, headings, steps, self.scenario.extent)
+            inside, known = observation.inside, observation.belief.variance
+            plan = self.plan_legs(key, belief, inside, observation.position, memory, steps, affordable, known)
+        extent = self.scenario.extent
+        points = walk_bent(observation.position, plan, steps, extent)
         times = jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
         message = Announcement(points, times)
         if self.joint:
             message = TeamPlan(message, observation.remaining - steps[0])
-        return Decision(points[:1], message, jnp.roll(headings, -1))
+        way = jnp.stack([bend(observation.position, points[0], steps[0], extent), points[0]])
+        return Decision(way, message, jnp.roll(within_leg(plan), -1, axis=0))

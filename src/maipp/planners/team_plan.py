@@ -8,7 +8,7 @@ from jax import lax
 
 from maipp.belief import Belief, extend
 from maipp.planners.announced import Announcement
-from maipp.planners.headings import walk
+from maipp.planners.headings import walk_bent
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.plan_search import descend
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -34,7 +34,7 @@ class _Team(NamedTuple):
     base: Float[Array, "m 2"]  # there
     steps: Float[Array, "m h"]  # leg lengths
     affordable: Bool[Array, "m h"]  # legs that its budget allows
-    headings: Float[Array, "m h"]  # its last plan
+    plans: Float[Array, "m h 2"]  # its last plan, displacements in units of a leg
 
 
 def plan_team(
@@ -42,62 +42,59 @@ def plan_team(
     sweeps: int,
     key: Key,
     observation: Observation,
-    last: Float[Array, " h"],
+    last: Float[Array, "h 2"],
     steps: Float[Array, " h"],
     affordable: Bool[Array, " h"],
-) -> Float[Array, " h"]:
-    """Headings of the due agent's legs in the best plan found for the team.
+) -> Float[Array, "h 2"]:
+    """The due agent's legs in the best plan found for the team: displacements, in units of a leg.
 
     Each agent's legs are optimised in turn given the others', `sweeps` times over, then all of them together by
     gradient. Agents that are not heard are left out.
     """
     team, belief = _gather(planner, observation, last, steps, affordable)
-    inside = observation.inside
+    inside, known = observation.inside, observation.belief.variance
     agents = planner.scenario.agents
     value = planner.scenario.virtual_value
 
-    def points(headings: Float[Array, "m h"]) -> Float[Array, "m h 2"]:
-        return jax.vmap(lambda p, h, s: walk(p, h, s, planner.scenario.extent))(team.base, headings, team.steps)
+    def points(plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
+        return jax.vmap(lambda p, d, s: walk_bent(p, d, s, planner.scenario.extent))(team.base, plans, team.steps)
 
-    def improve(i: Index, headings: Float[Array, "m h"]) -> Float[Array, "m h"]:
+    def improve(i: Index, plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
         agent = (observation.agent + i) % agents
         others = team.affordable & (jnp.arange(agents) != agent)[:, None]
-        known = extend(belief, points(headings).reshape(-1, 2), others.reshape(-1), virtual_value=value)
+        counted = extend(belief, points(plans).reshape(-1, 2), others.reshape(-1), virtual_value=value)
         better = planner.plan_legs(
             jax.random.fold_in(key, i),
-            known,
+            counted,
             inside,
             team.base[agent],
-            headings[agent],
+            plans[agent],
             team.steps[agent],
             team.affordable[agent],
+            known,
         )
-        return headings.at[agent].set(better)
+        return plans.at[agent].set(better)
 
-    headings = lax.fori_loop(0, sweeps * agents, improve, team.headings)
-    index = planner.coarse_points()
-    coarse, coarse_inside = belief.at(index), inside[index]
+    plans = lax.fori_loop(0, sweeps * agents, improve, team.plans)
+    index = planner.points_in_play(belief, inside)
+    coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
 
-    def after(belief: Belief, headings: Float[Array, "m h"]) -> Belief:
-        return extend(belief, points(headings).reshape(-1, 2), team.affordable.reshape(-1), virtual_value=value)
+    def after(
+        belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "m h 2"]
+    ) -> Float[Array, ""]:
+        then = extend(belief, points(plans).reshape(-1, 2), team.affordable.reshape(-1), virtual_value=value)
+        return planner.expected(then.mean, then.variance, known, inside)
 
-    def smooth(headings: Float[Array, "m h"]) -> Float[Array, ""]:
-        then = after(coarse, headings)
-        return planner.interest.soft_trace(then.mean, then.variance, coarse_inside, planner.temperature)
-
-    def exact(headings: Float[Array, "m h"]) -> Float[Array, ""]:
-        then = after(belief, headings)
-        return planner.interest.trace(then.mean, then.variance, inside)
-
-    refined = descend(jax.grad(smooth), headings, planner.steps, planner.rate / 2)
-    best = jnp.where(exact(refined) < exact(headings), refined, headings)
-    return best[observation.agent]
+    slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, plans))
+    refined = descend(slope, plans, planner.steps, planner.rate / 2)
+    better = after(belief, inside, known, refined) < after(belief, inside, known, plans)
+    return jnp.where(better, refined, plans)[observation.agent]
 
 
 def _gather(
     planner: LegPlanner,
     observation: Observation,
-    last: Float[Array, " h"],
+    last: Float[Array, "h 2"],
     steps: Float[Array, " h"],
     affordable: Bool[Array, " h"],
 ) -> tuple[_Team, Belief]:
@@ -120,13 +117,11 @@ def _gather(
     others_steps = jnp.full((agents, planner.horizon), interval)
     within = jnp.cumsum(others_steps, axis=1) <= remaining[:, None] + DISTANCE_TOLERANCE
     # An agent continues along the legs it announced, as far as they go.
-    turns = jnp.diff(plans.legs.points, axis=1)
-    announced = jnp.arctan2(turns[..., 1], turns[..., 0])
-    announced = jnp.concatenate([announced, announced[:, -1:]], axis=1) if planner.horizon > 1 else announced
-    announced = announced if planner.horizon > 1 else jnp.zeros((agents, 1))
+    announced = jnp.diff(plans.legs.points, axis=1) / interval
+    on = announced[:, -1:] if planner.horizon > 1 else jnp.zeros((agents, 1, 2))
     return _Team(
         base=base,
         steps=jnp.where(me[:, None], steps, others_steps),
         affordable=jnp.where(me[:, None], affordable, within & observation.heard[:, None]),
-        headings=jnp.where(me[:, None], last, announced),
+        plans=jnp.where(me[:, None, None], last, jnp.concatenate([announced, on], axis=1)),
     ), belief
