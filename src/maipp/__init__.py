@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from maipp.benchmarks.evaluate import evaluate
     from maipp.devices import use_all_cores
     from maipp.planners.registry import make_planner, register
+    from maipp.policy.shipped import load_policy
     from maipp.scenario import Scenario
     from maipp.scenario_io import load_scenario
     from maipp.simulator.metrics import score_missions
@@ -23,6 +24,7 @@ _MODULES = {
     "Scenario": "maipp.scenario",
     "draw_missions": "maipp.simulator.mission",
     "evaluate": "maipp.benchmarks.evaluate",
+    "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
     "make_planner": "maipp.planners.registry",
     "register": "maipp.planners.registry",
@@ -36,6 +38,7 @@ __all__ = [
     "__version__",
     "draw_missions",
     "evaluate",
+    "load_policy",
     "load_scenario",
     "make_planner",
     "register",

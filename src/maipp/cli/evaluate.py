@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
-from maipp.cli.options import ScenarioFlags
+from maipp.cli.options import PlannerFlags
 from maipp.errors import InputError
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.scenario import Scenario
@@ -22,7 +22,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Evaluate(ScenarioFlags):
+class Evaluate(PlannerFlags):
     """Score planners on held-out missions; all planners and budgets meet the same worlds."""
 
     budget: Annotated[tuple[float, ...], tyro.conf.arg(metavar="LENGTH [LENGTH ...]", help_behavior_hint="")] = ()
@@ -104,6 +104,7 @@ def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
     if not flags.planner:
         raise InputError(f"--planner: none given; give one or more of {', '.join(planner_names())}")
     names = {planner: {option.name for option in planner_options(planner)} for planner in flags.planner}
+    flags.check_weights(flags.planner)
     given = flags.planner_options()
     rows = []
     for budget in flags.budget or (None,):

@@ -1,6 +1,7 @@
 """The flags that commands share: which survey to run, and with which options of the planner."""
 
 import ast
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,6 +9,7 @@ from typing import Annotated, Any
 import tyro
 
 from maipp.errors import InputError
+from maipp.planners import planner_names, planner_options
 from maipp.scenario import Scenario, ScenarioError
 from maipp.scenario_io import load_scenario
 
@@ -89,6 +91,35 @@ class ScenarioFlags:
             for key, value in self._assignments().items()
             if key.startswith(_SCENARIO_KEY)
         }
+
+
+@dataclass(frozen=True)
+class PlannerFlags(ScenarioFlags):
+    """The survey, and the weights of the planners that move by a policy."""
+
+    weights: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: those that ship)")] = (
+        None
+    )
+    """weights of planners with a policy: a .safetensors file with its .json card beside it"""
+
+    def planner_options(self) -> dict[str, str]:
+        """The `--set` values that are the planner's, and `--weights`, as they were typed."""
+        options = super().planner_options()
+        if self.weights is None:
+            return options
+        if "weights" in options:
+            raise InputError("--weights: given again as --set weights; keep one")
+        return options | {"weights": self.weights}
+
+    def check_weights(self, planners: Iterable[str]) -> None:
+        """Raise `InputError` where `--weights` is given and none of the planners has a policy."""
+        if self.weights is not None and not any(map(_has_weights, planners)):
+            able = ", ".join(filter(_has_weights, planner_names()))
+            raise InputError(f"--weights: no planner given has a policy; give --planner, one or more of {able}")
+
+
+def _has_weights(planner: str) -> bool:
+    return any(option.name == "weights" for option in planner_options(planner))
 
 
 def _literal(text: str) -> Any:

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from maipp.cli.options import ScenarioFlags
+from maipp.cli.options import PlannerFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 from maipp.scenario import Scenario
@@ -27,7 +27,7 @@ _STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", 
 
 
 @dataclass(frozen=True)
-class Plan(ScenarioFlags):
+class Plan(PlannerFlags):
     """Plan one survey and write episode.json, waypoints.csv, measurements.csv, overview.png and mission.mp4 or .gif.
 
     With --field, the longest side of the file becomes 1 domain unit, and its values are scaled to 0..1; everything
@@ -78,6 +78,7 @@ def run(flags: Plan) -> int:
     scenario, field = _world(flags)
     if not 0 <= flags.seed < 2**63:
         raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    flags.check_weights([flags.planner])
     episode, paths = survey(
         scenario,
         flags.planner,

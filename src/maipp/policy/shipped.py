@@ -17,11 +17,19 @@ UNTRAINED = "untrained"
 def load_policy(name: str) -> PolicyNetwork:
     """The trained network that ships under this name: `ti` (for `di`, `ti` and `ti-star`) or `sga-catnipp`.
 
-    Raises InputError for another name.
+    Raises InputError for another name, and where this copy of the package came without the weights.
     """
     if name not in SHIPPED:
         raise InputError(f"weights {name!r}: none ship under this name; there are {', '.join(SHIPPED)}")
-    return _load(str(files("maipp") / "policy" / "trained" / f"{name}.safetensors"))
+    path = shipped_file(name)
+    if not path.exists():
+        raise InputError(f"weights {name!r}: this copy of maipp has none; give a .safetensors file, or {UNTRAINED}")
+    return _load(str(path))
+
+
+def shipped_file(name: str) -> Path:
+    """Where the package keeps the weights of this name, whether they are there or not."""
+    return Path(str(files("maipp") / "policy" / "trained" / f"{name}.safetensors"))
 
 
 def network_named(weights: str) -> PolicyNetwork:
