@@ -37,6 +37,7 @@ condition_ = eqx.filter_jit(condition)
 append_ = eqx.filter_jit(append)
 extend_ = eqx.filter_jit(extend)
 predict_ = eqx.filter_jit(predict)
+on_ = eqx.filter_jit(lambda belief, points: belief.on(points))
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +243,22 @@ def test_predict_agrees_with_the_query_predictions(seed):
         mean, variance = predict_(belief, belief.query)
         np.testing.assert_allclose(mean, belief.mean, rtol=0, atol=1e-10)
         np.testing.assert_allclose(variance, belief.variance, rtol=0, atol=1e-10)
+
+
+@given(SEEDS)
+def test_a_belief_on_other_points_is_what_it_predicts_there(seed):
+    _, x, y, mask, new_x, new_y = draw(seed)
+    with jax.enable_x64(True):
+        belief, points = belief_of(x, y, mask), jnp.asarray(np.random.default_rng(seed).random((NEW, 2)))
+        moved = on_(belief, points)
+        for found, wanted in zip((moved.mean, moved.variance), predict_(belief, points), strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10)
+        np.testing.assert_array_equal(moved.query, points)
+        # It goes on like any other.
+        spot, value = jnp.asarray(new_x[0]), jnp.asarray(new_y[0])
+        more, wanted = append_(moved, spot, value), predict_(append_(belief, spot, value), points)
+        np.testing.assert_allclose(more.mean, wanted[0], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(more.variance, wanted[1], rtol=0, atol=1e-8)
 
 
 def test_a_coarser_belief_is_the_belief_at_fewer_points():

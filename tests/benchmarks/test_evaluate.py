@@ -57,6 +57,21 @@ def test_another_budget_meets_the_same_worlds(monkeypatch):
     np.testing.assert_allclose(drawn[1].budgets, [[0.4, 0.6]] * 6)
 
 
+def test_missions_kept_from_another_planner_have_the_encodings_that_this_one_reads(monkeypatch):
+    drawn = []
+
+    def ended(scenario, planner, missions, key, *, first=0):
+        """How the missions end is not asked here: as those of another planner do."""
+        drawn.append(missions.roadmap.encoding)
+        return run_missions(scenario, make_planner("greedy", SCENARIO), missions, key, first=first)
+
+    monkeypatch.setattr(module, "run_missions", ended)
+    for _ in range(2):
+        evaluate(SCENARIO, "greedy", instances=2, trials=1, seed=5, timing=False)
+        evaluate(SCENARIO, "sga-catnipp", {"weights": "untrained"}, instances=2, trials=1, seed=5, timing=False)
+    assert [None if encoding is None else encoding.shape for encoding in drawn] == [None, (2, 2, 12, 32)] * 2
+
+
 def test_parts_cover_every_mission_once(monkeypatch, evaluation):
     monkeypatch.setattr(module, "_BLOCKS_PER_PART", 1)
     monkeypatch.setattr(module, "missions_devices", lambda: [None])

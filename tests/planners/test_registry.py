@@ -14,6 +14,9 @@ from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
 
+# What the registry does needs no trained weights.
+UNTRAINED = {"weights": "untrained"}
+
 PLANNER = '''
 from __future__ import annotations
 import equinox as eqx
@@ -62,23 +65,40 @@ def test_the_registry_imports_no_jax():
 @pytest.mark.parametrize("name", planner_names())
 def test_every_name_leads_to_a_planner_with_options_that_it_accepts(name):
     defaults = {option.name: option.default for option in planner_options(name)}
-    planner = make_planner(name, SCENARIO)
+    untrained = UNTRAINED if "weights" in defaults else {}
+    planner = make_planner(name, SCENARIO, untrained)
     assert planner.scenario == SCENARIO
     assert planner_summary(name)
-    assert make_planner(name, SCENARIO, defaults) == planner
+    assert make_planner(name, SCENARIO, defaults | untrained) == planner
 
 
 @pytest.mark.parametrize("name", planner_names())
 def test_every_option_can_be_typed(name):
-    for option in planner_options(name):
-        value = option.default
+    options = planner_options(name)
+    untrained = {option.name: UNTRAINED[option.name] for option in options if option.name in UNTRAINED}
+    for option in options:
+        value = untrained.get(option.name, option.default)
         text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
-        assert getattr(make_planner(name, SCENARIO, {option.name: text}), option.name) == value
+        assert getattr(make_planner(name, SCENARIO, untrained | {option.name: text}), option.name) == value
 
 
 def test_a_name_may_preset_options():
     assert make_planner("shared-greedy", SCENARIO).shared is True  # type: ignore[attr-defined]
     assert make_planner("greedy", SCENARIO).shared is False  # type: ignore[attr-defined]
+
+
+def test_the_paper_s_three_intent_planners_are_one_class_with_presets():
+    names = ("intent", "choose", "paths", "steps")
+    given = {
+        name: tuple({option.name: option.default for option in planner_options(name)}[key] for key in names)
+        for name in ("di", "ti", "ti-star")
+    }
+    assert given == {
+        "di": ("destination", "likeliest", 8, 3),
+        "ti": ("trajectory", "likeliest", 8, 5),
+        "ti-star": ("trajectory", "best", 8, 5),
+    }
+    assert {option.name for option in planner_options("ti")}.isdisjoint({"network", "scenario"})
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.roadmap import Obstacles
+from maipp.roadmap import Obstacles, laplacian_encoding
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions
 
@@ -73,6 +73,18 @@ def test_planners_with_and_without_roadmaps_meet_the_same_worlds(batch):
     bare = draw_missions(SCENARIO, seed=5, instances=3, trials=2, roadmaps=False)
     assert bare.roadmap is None
     assert_same_world(bare, batch, atol=0)
+
+
+def test_encodings_are_those_of_the_roadmaps_and_change_nothing_else(batch):
+    encoded = draw_missions(SCENARIO, seed=5, instances=3, trials=2, encodings=6)
+    assert batch.roadmap.encoding is None and encoded.roadmap is not None
+    assert encoded.roadmap.encoding is not None and encoded.roadmap.encoding.shape == (6, 2, 15, 6)
+    assert_same_world(encoded, batch, atol=0)
+    for name in ("nodes", "neighbours", "distances", "reachable"):
+        np.testing.assert_array_equal(getattr(encoded.roadmap, name), getattr(batch.roadmap, name))
+    for i, agent in ((0, 0), (3, 1)):
+        roadmap = jax.tree.map(lambda a, i=i, agent=agent: np.asarray(a[i, agent]), encoded.roadmap)
+        np.testing.assert_allclose(roadmap.encoding, laplacian_encoding(roadmap, 6), atol=1e-6)
 
 
 def test_instances_and_seeds_differ(batch):
