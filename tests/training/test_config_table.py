@@ -1,0 +1,36 @@
+"""docs/training.md says of the configuration, the log and the files what the code has."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+
+from maipp.errors import InputError
+from maipp.training.config import NAMED, TrainConfig
+from maipp.training.config_table import MEANINGS, config_table, with_config_table
+from maipp.training.train import train
+
+PAGE = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
+
+
+def test_the_table_is_the_dataclass_s():
+    assert with_config_table(PAGE) == PAGE, "run: python -m maipp.training.config_table docs/training.md"
+
+
+def test_every_key_has_a_meaning_and_no_other():
+    assert list(MEANINGS) == [field.name for field in dataclasses.fields(TrainConfig)]
+    assert len(config_table().splitlines()) == 2 + len(MEANINGS)
+    assert all(f"`{name}`" in config_table().splitlines()[0] for name in NAMED)
+
+
+def test_a_page_without_a_place_for_it():
+    with pytest.raises(InputError, match="no place for the table"):
+        with_config_table("nothing here")
+
+
+def test_the_files_of_a_run_are_those_that_are_listed(fake, monkeypatch, tmp_path):
+    monkeypatch.setattr("maipp.training.train.HeldOutWorlds", fake.FakeWorlds)
+    train(fake.fake_config(1), tmp_path, learner=fake.FakeLearner())
+    listed = set(re.findall(r"`([\w.]+)/?`", " ".join(re.findall(r"^\| (`[^|]+`) \|", PAGE, flags=re.MULTILINE))))
+    assert {path.name for path in tmp_path.iterdir()} <= listed
