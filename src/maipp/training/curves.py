@@ -30,6 +30,9 @@ def draw_learning_curve(out: Path, title: str) -> None:
         _draw(axes, updates, evaluations, key, scale)
         axes.set_xlabel(label, fontsize=MEDIUM)
         axes.set_yscale("log")
+        for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+            axis_format(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")
+        axes.tick_params(which="both", labelsize=SMALL)
         axes.grid(axis="y", which="both", linewidth=0.3, alpha=0.5)
     right.set_ylim(left.get_ylim())
     right.tick_params(axis="y", which="both", labelleft=False)

@@ -1,0 +1,52 @@
+"""A tiny run of the real learner: `tiny_run.py OUT [--stop UPDATE] [--port PORT --process ID]`, which resumes.
+
+With a port it is one of two processes that train together. A process of its own, since JAX joins others only once.
+"""
+
+import argparse
+import os
+import signal
+from pathlib import Path
+
+from maipp.devices import use_all_cores
+from maipp.training.config import TrainConfig
+from maipp.training.hosts import join_hosts
+from maipp.training.train import Step, train
+
+TINY = TrainConfig(
+    agents=2,
+    budget=(0.6, 0.8),
+    bank=2,
+    shards=2,
+    missions=2,
+    events=4,
+    epochs=1,
+    minibatch=4,
+    paths=1,
+    steps=1,
+    updates=4,
+    learning_rate=1e-3,
+    evaluate_every=4,
+    evaluate_instances=2,
+    evaluate_budget=0.6,
+)
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--stop", type=int)
+    parser.add_argument("--port")
+    parser.add_argument("--process", type=int)
+    given = parser.parse_args()
+    use_all_cores(1)
+    flags = {"coordinator": f"127.0.0.1:{given.port}", "process_id": given.process, "processes": 2}
+    hosts = join_hosts(TINY.shards, **(flags if given.port else {}), environment={})
+    processes = 2 if given.port else 1
+    assert (len(hosts.devices), hosts.process, hosts.processes) == (processes, given.process or 0, processes), hosts
+
+    def stop(step: Step) -> None:
+        """Interrupt after the update that was asked for."""
+        if step.update == given.stop:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    train(TINY, given.out, resume=True, hosts=hosts, progress=stop)
