@@ -12,12 +12,15 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
-from maipp.planners.lookahead import predicted_trace
+from maipp.planners.lookahead import predicted
 from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
 from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner, log_probability
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.typing import Array, Float, Index, Key
+
+# Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
+_BLUR = 0.02
 
 
 class IntentPlanner(PolicyPlanner):
@@ -29,7 +32,9 @@ class IntentPlanner(PolicyPlanner):
     intent: Literal["trajectory", "destination"] = eqx.field(static=True, default="trajectory")
     choose: Literal["likeliest", "sample", "best"] = eqx.field(static=True, default="likeliest")  # the next node
     mode: Literal["encode-once", "reencode"] = eqx.field(static=True, default="encode-once")  # of virtual steps
-    rank: Literal["intents", "stationary"] = eqx.field(static=True, default="intents")  # the others, in ranking paths
+    # What paths are ranked by: Tr(P) predicted with the others stationary, with their intents, or expected with both.
+    rank: Literal["expected", "intents", "stationary"] = eqx.field(static=True, default="intents")
+    spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
     share: Literal["samples", "best"] = eqx.field(static=True, default="samples")  # paths the intent is fitted to
     listen: bool = eqx.field(static=True, default=True)  # False: as if no intent were heard
 
@@ -39,6 +44,8 @@ class IntentPlanner(PolicyPlanner):
         for name in ("paths", "steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
+        if not self.spread >= 0:
+            raise InputError(f"spread={self.spread}: give a number >= 0")
 
     def empty_message(self) -> PyTree:
         """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
@@ -88,11 +95,14 @@ class IntentPlanner(PolicyPlanner):
         )
 
     def _scores(self, observation: Observation, situation: Situation, paths: Paths) -> Float[Array, " a"]:
-        """Predicted Tr(P) at the end of each path."""
-        belief = self.counted(observation) if self.rank == "intents" else observation.belief
-        value = self.scenario.virtual_value
+        """What each path leaves: the Tr(P) predicted, or expected, at its end."""
+        belief = observation.belief if self.rank == "stationary" else self.counted(observation)
         points, taken = path_measurements(self.scenario, situation, paths)
-        return predicted_trace(belief, self.interest, observation.inside, points, taken, virtual_value=value)
+        mean, variance = predicted(belief, points, taken, virtual_value=self.scenario.virtual_value)
+        if self.rank != "expected":
+            return self.interest.trace(mean, variance, observation.inside)
+        known, inside = observation.belief.variance, observation.inside
+        return self.interest.expected_trace(mean, variance, known, inside, spread=self.spread, blur=_BLUR)
 
     def _choose(self, key: Key, insight: Insight, paths: Paths, best: Index) -> Index:
         """Which neighbour to go to."""

@@ -10,7 +10,7 @@ from maipp.belief.interest import upper_confidence_bound
 from maipp.errors import InputError
 from maipp.planners.headings import walk, walk_bent
 from maipp.planners.lookahead import predicted
-from maipp.planners.plan_search import SearchOptions, search
+from maipp.planners.plan_search import Finalists, SearchOptions, search
 from maipp.simulator.decision import Planner
 from maipp.typing import Array, Bool, Float, Int, Key
 
@@ -63,11 +63,11 @@ class LegPlanner(Planner):
         steps: Float[Array, " h"],
         affordable: Bool[Array, " h"],
         known: Float[Array, " q"] | None = None,
-    ) -> Float[Array, " h *d"]:
-        """The best plan found for one agent, given what the belief already counts as measured.
+    ) -> Finalists:
+        """The best plans found for one agent, given what the belief already counts as measured.
 
         `last` is the plan to begin from: headings (h,), radians, for straight legs, or displacements (h, 2), units of
-        a leg, for legs that may bend; the plan returned is of the same form. `known` is the variance that measured
+        a leg, for legs that may bend; the plans returned are of the same form. `known` is the variance that measured
         values leave, where the belief counts some as measured whose values are not known yet.
         """
         known = belief.variance if known is None else known

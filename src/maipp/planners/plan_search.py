@@ -66,6 +66,18 @@ def descend(
     return lax.fori_loop(0, steps, step, (start, zeros, zeros))[0]
 
 
+class Finalists(NamedTuple):
+    """The plans left at the end of a search."""
+
+    plans: Float[Array, "f h *d"]
+    values: Float[Array, " f"]  # of each: lower is better
+
+    @property
+    def best(self) -> Float[Array, " h *d"]:
+        """The best of them."""
+        return self.plans[jnp.argmin(self.values)]
+
+
 def search(
     key: Key,
     last: Float[Array, " h *d"],
@@ -73,15 +85,15 @@ def search(
     score: Callable[[Array], Array],
     final: Callable[[Array], Array],
     options: SearchOptions,
-) -> Float[Array, " h *d"]:
-    """The best plan found, in the form of `last`, the plan to begin from.
+) -> Finalists:
+    """Good plans, in the form of `last`, the plan to begin from.
 
     `score` (c, h, *d) -> (c,) ranks the random plans, its gradient refines the best of them, and `final`, of the same
-    shape, chooses among the refined and the unrefined.
+    shape, values the refined and the unrefined.
     """
     plans = random_plans(key, last, options.candidates)
     _, best = lax.top_k(-score(plans), options.elites)
     elites = plans[best]
     refined = descend(jax.grad(lambda plans: jnp.sum(score(plans))), elites, options.steps, options.rate)
     finalists = jnp.concatenate([elites, refined])
-    return finalists[jnp.argmin(final(finalists))]
+    return Finalists(finalists, final(finalists))

@@ -56,7 +56,8 @@ class RecedingHorizon(LegPlanner):
         else:
             belief = with_announced(observation, observation.messages, self.scenario.virtual_value)
             inside, known = observation.inside, observation.belief.variance
-            plan = self.plan_legs(key, belief, inside, observation.position, memory, steps, affordable, known)
+            plans = self.plan_legs(key, belief, inside, observation.position, memory, steps, affordable, known)
+            plan = plans.best
         extent = self.scenario.extent
         points = walk_bent(observation.position, plan, steps, extent)
         times = jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)

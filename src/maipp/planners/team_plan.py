@@ -73,7 +73,7 @@ def plan_team(
             team.affordable[agent],
             known,
         )
-        return plans.at[agent].set(better)
+        return plans.at[agent].set(better.best)
 
     plans = lax.fori_loop(0, sweeps * agents, improve, team.plans)
     index = planner.points_in_play(belief, inside)

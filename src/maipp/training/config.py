@@ -32,6 +32,7 @@ class TrainConfig:
     # Sampling
     paths: int = 4  # trajectories sampled for the intent
     steps: int = 5  # nodes of each
+    share: Literal["samples", "best"] = "best"  # which of them the intent is fitted to
     # Objective
     imitation: int = 0  # updates that imitate the teacher before reinforcement begins
     updates: int = 1000  # in all
@@ -94,7 +95,15 @@ class TrainConfig:
 
 
 NAMED: dict[str, TrainConfig] = {
-    "default": TrainConfig(),
+    # Imitation of the receding-horizon planner, then PPO on log Tr(P).
+    "default": TrainConfig(
+        minibatch=64,
+        imitation=200,
+        updates=360,
+        learning_rate=7e-4,
+        entropy=0.01,
+        evaluate_every=40,
+    ),
     # Yang et al. 2023, Sec. IV-E: batches of 512, 8 iterations, learning rate 5e-5 times 0.96 every 32 steps.
     "paper": TrainConfig(
         budget=(3.0, 3.0),
@@ -104,6 +113,7 @@ NAMED: dict[str, TrainConfig] = {
         epochs=8,
         minibatch=512,
         paths=8,
+        share="samples",
         reward="paper",
         discount=1.0,
         learning_rate=5e-5,

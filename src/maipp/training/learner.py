@@ -70,7 +70,8 @@ class Learner:
         """The planner whose behaviour is trained."""
         if self.config.policy == "ti":
             paths, steps = self.config.paths, self.config.steps
-            return IntentPlanner(self.scenario, network=network, paths=paths, steps=steps, choose="sample")
+            options = {"paths": paths, "steps": steps, "share": self.config.share, "choose": "sample"}
+            return IntentPlanner(self.scenario, network=network, **options)
         return SgaCatnipp(self.scenario, network=network, choose="sample")
 
     def initial(self) -> TrainState:

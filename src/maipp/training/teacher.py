@@ -21,6 +21,9 @@ _FAR = 0.6
 # Width of the soft choice among nodes near the plan, domain units.
 _SOFTNESS = 0.02
 
+# Plans this much worse than the best, relative to its value, have 1/e of its say.
+_TOLERANCE = 0.08
+
 # Legs planned ahead, one measurement each.
 _HORIZON = 4
 
@@ -40,25 +43,31 @@ def no_plan() -> Float[Array, " h"]:
 def teach(
     scenario: Scenario, key: Key, observation: Observation, belief: Belief, view: PolicyView, plan: Float[Array, " h"]
 ) -> Lesson:
-    """The choice that follows the best plan in the plane found for the due agent; `belief` counts the others' intents.
+    """The choices that follow the best plans in the plane found for the due agent; `belief` counts the others' intents.
 
-    Whoever goes to node v has travelled d(v): the better a node, the nearer it is to the point that far along the plan.
+    Whoever goes to node v has travelled d(v): the better a node, the nearer it is to the point that far along a plan.
+    Several plans are often all but equally good, and which one is best is an accident of the search: each has a say by
+    its value, which spares the policy most of the noise of a single one.
     """
     planner = LegPlanner(scenario, horizon=_HORIZON)
     interval = scenario.measurement_interval
     offsets = measurement_offsets(observation.to_next_measurement, interval, _HORIZON)
     legs = jnp.diff(offsets, prepend=0.0)
     affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
-    where = observation.position
-    headings = planner.plan_legs(key, belief, observation.inside, where, plan, legs, affordable)
+    where, known = observation.position, observation.belief.variance
+    found = planner.plan_legs(key, belief, observation.inside, where, plan, legs, affordable, known)
     assert observation.roadmap is not None
     targets = jnp.asarray(observation.roadmap.nodes)[view.neighbours]
     lengths = jnp.asarray(observation.roadmap.distances)[view.node]
-    ideal, _ = along_paths(where, walk(where, headings, legs, scenario.extent), lengths)
-    miss = jnp.sqrt(jnp.sum((ideal - targets) ** 2, axis=-1)) - _FAR * lengths
-    scores = jnp.where(view.allowed, -miss / _SOFTNESS, -jnp.inf)
     some = view.allowed.any()
-    choice = jnp.where(some, jax.nn.softmax(jnp.where(some, scores, 0.0)), 0.0)
+
+    def follow(headings: Float[Array, " h"]) -> Float[Array, " k"]:
+        ideal, _ = along_paths(where, walk(where, headings, legs, scenario.extent), lengths)
+        miss = jnp.sqrt(jnp.sum((ideal - targets) ** 2, axis=-1)) - _FAR * lengths
+        return jax.nn.softmax(jnp.where(some, jnp.where(view.allowed, -miss / _SOFTNESS, -jnp.inf), 0.0))
+
+    say = jax.nn.softmax(-jnp.log(jnp.maximum(found.values, 1e-6)) / _TOLERANCE)
+    choice = jnp.where(some, say @ jax.vmap(follow)(found.plans), 0.0)
     # A plan moves on by a leg whenever the agent measures; it is only where the next search begins.
     crossed = jnp.sum(choice * lengths) > legs[0]
-    return Lesson(choice, jnp.where(crossed, jnp.roll(headings, -1), headings))
+    return Lesson(choice, jnp.where(crossed, jnp.roll(found.best, -1), found.best))
