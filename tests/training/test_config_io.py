@@ -25,9 +25,9 @@ def test_names_and_files_give_the_same(tmp_path, name):
     assert config_from_dict(config_to_dict(config)) == config
 
 
-def test_keys_left_out_keep_their_defaults():
+def test_keys_left_out_are_those_of_the_default():
     text = "learning_rate: 3e-5\nbudget: [2, 3.5]\npolicy: sga-catnipp\n"
-    expected = TrainConfig(learning_rate=3e-5, budget=(2.0, 3.5), policy="sga-catnipp")
+    expected = NAMED["default"].replace(learning_rate=3e-5, budget=(2.0, 3.5), policy="sga-catnipp")
     config = parse_config(text)
     assert config == expected and all(isinstance(end, float) for end in config.budget)
 

@@ -25,7 +25,7 @@ def find_config(name: str) -> TrainConfig:
 
 
 def load_config(path: str | os.PathLike[str]) -> TrainConfig:
-    """The configuration in a YAML file; keys left out keep their defaults.
+    """The configuration in a YAML file; keys left out are as in `default`.
 
     Raises InputError with the file, the line and the key of what is wrong.
     """
@@ -42,7 +42,7 @@ def parse_config(text: str, *, source: str = "training") -> TrainConfig:
     """The configuration in YAML text; errors name `source`."""
     if not text.strip():
         raise InputError(f"{source}: empty; docs/training.md lists the keys")
-    config, lines = TrainConfig(), {}
+    config, lines = NAMED["default"], {}
     values: dict[str, Any] = {}
     for key, value, line in _pairs(text, source):
         if key in lines:

@@ -27,6 +27,7 @@ MEANINGS = {
     "minibatch": "decisions of each shard per gradient step; divides missions x events",
     "paths": "trajectories sampled for the intent at each decision (a)",
     "steps": "nodes of each (j)",
+    "share": "the intent is fitted to all `samples`, or to the `best` of them",
     "imitation": "updates at the beginning that imitate the teacher",
     "updates": "updates in all, those that imitate included",
     "reward": "`log-trace`: fall of log Tr(P); `paper`: as in Yang et al. 2023, Sec. IV-D",
