@@ -28,22 +28,27 @@ def walk(
 def _leg(x: Array, y: Array, dx: Array, dy: Array, step: Array, extent: tuple[float, float]) -> tuple[Array, Array]:
     """End of one leg, turned where it would leave the domain."""
     width, height = extent
+    # Compared with the border and not with the clipped end: compiled, the same sum may round differently in two places,
+    # and a leg that only seems to be turned may go to the other side.
+    turned = _beyond(x + dx, width)
     inside_x = jnp.clip(x + dx, 0.0, width)
-    moved = inside_x - x
-    turned = inside_x != x + dx
     # What the border takes from x goes to y, towards the side with more room where the leg was straight at the border.
-    rest = jnp.sqrt(jnp.maximum(step * step - moved * moved, 1e-12))
-    sideways = jnp.where(turned, jnp.where(dy >= 0, rest, -rest), dy)
-    sideways = jnp.where(
-        (y + sideways > height) | (y + sideways < 0.0), jnp.where(turned, -sideways, sideways), sideways
-    )
+    sideways = jnp.where(turned, jnp.copysign(_rest(step, inside_x - x), dy), dy)
+    sideways = jnp.where(turned & _beyond(y + sideways, height), -sideways, sideways)
     inside_y = jnp.clip(y + sideways, 0.0, height)
-    moved_y = inside_y - y
-    turned_y = inside_y != y + sideways
-    rest_x = jnp.sqrt(jnp.maximum(step * step - moved_y * moved_y, 1e-12))
-    across = jnp.where(turned_y & ~turned, jnp.where(dx >= 0, rest_x, -rest_x), moved)
-    across = jnp.where((x + across > width) | (x + across < 0.0), -across, across)
-    return jnp.clip(x + across, 0.0, width), inside_y
+    across = jnp.copysign(_rest(step, inside_y - y), dx)
+    across = jnp.where(_beyond(x + across, width), -across, across)
+    turned_y = ~turned & _beyond(y + sideways, height)
+    return jnp.where(turned_y, jnp.clip(x + across, 0.0, width), inside_x), inside_y
+
+
+def _beyond(place: Array, size: float) -> Array:
+    return (place < 0.0) | (place > size)
+
+
+def _rest(step: Array, moved: Array) -> Array:
+    """What is left of a leg across the way it moved."""
+    return jnp.sqrt(jnp.maximum(step * step - moved * moved, 1e-12))
 
 
 def walk_bent(
