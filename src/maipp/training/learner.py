@@ -51,7 +51,7 @@ class TrainState(eqx.Module):
 class Learner:
     """Updates a policy as its configuration says, on the given devices (one, unless told)."""
 
-    def __init__(self, config: TrainConfig, devices: Sequence[jax.Device] | None = None) -> None:
+    def __init__(self, config: TrainConfig, devices: Sequence[Any] | None = None) -> None:
         """Raises InputError where the shards cannot be split evenly over the devices."""
         self.config = config
         self.devices = list(devices) if devices is not None else jax.local_devices()[:1]
@@ -98,18 +98,23 @@ class Learner:
     def _compile(self, teach: bool) -> Any:
         """The compiled update, with or without the teacher."""
 
-        def on_device(state: TrainState, bank: Bank) -> tuple[TrainState, dict[str, Array]]:
-            one = partial(self._update_shard, bank, teach, state.network, state.optimiser, state.updates)
-            network, optimiser, shards, metrics = jax.vmap(one, axis_name="shards", out_axes=(None, None, 0, None))(
-                state.shards
-            )
-            return TrainState(network, optimiser, shards, state.updates + 1), metrics
+        def on_device(parts: tuple[Any, ...], bank: Bank) -> tuple[tuple[Any, ...], dict[str, Array]]:
+            network, optimiser, shards, updates = parts
+            one = partial(self._update_shard, bank, teach, network, optimiser, updates)
+            spread = jax.vmap(one, axis_name="shards", out_axes=(None, None, 0, None))
+            network, optimiser, shards, metrics = spread(shards)
+            return (network, optimiser, shards, updates + 1), metrics
 
-        layout = TrainState(_WHOLE, _WHOLE, _SPLIT, _WHOLE)  # type: ignore[arg-type]  # specs in place of arrays
+        layout = (_WHOLE, _WHOLE, _SPLIT, _WHOLE)
         mapped = jax.shard_map(
             on_device, mesh=self.mesh, in_specs=(layout, _WHOLE), out_specs=(layout, _WHOLE), check_vma=False
         )
-        return jax.jit(mapped, donate_argnums=0)
+
+        def update(state: TrainState, bank: Bank) -> tuple[TrainState, dict[str, Array]]:
+            parts, metrics = mapped((state.network, state.optimiser, state.shards, state.updates), bank)
+            return TrainState(*parts), metrics
+
+        return jax.jit(update, donate_argnums=0)
 
     def _update_shard(
         self,
@@ -135,7 +140,7 @@ class Learner:
         def epoch(carry: Any, key: Key) -> tuple[Any, dict[str, Array]]:
             order = jax.random.permutation(key, flat.advantage.shape[0])
             batches = order.reshape(config.minibatches, config.minibatch)
-            return lax.scan(lambda c, index: self._gradient_step(bank, teach, flat, *c, index), carry, batches)
+            return lax.scan(lambda c, index: self._gradient_step(bank, teach, flat, c[0], c[1], index), carry, batches)
 
         keys = jax.random.split(shuffle_key, config.epochs)
         (network, optimiser), metrics = lax.scan(epoch, (network, optimiser), keys)
@@ -173,9 +178,11 @@ class Learner:
         )
         total, _ = lax.scan(add, zero, chunks)
         gradient, parts = lax.pmean(jax.tree.map(lambda a: a / len(chunks), total), _AXES)
-        change, optimiser = self._optimiser.update(gradient, optimiser, network)
+        weights: Any = network  # optax knows no modules, only pytrees
+        change, optimiser = self._optimiser.update(gradient, optimiser, weights)
         parts["gradient_norm"] = optax.global_norm(gradient)
-        return (optax.apply_updates(network, change), optimiser), parts
+        moved: Any = optax.apply_updates(weights, change)
+        return (moved, optimiser), parts
 
 
 def _normalised(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t e"]:
