@@ -19,7 +19,7 @@ class Announcement(NamedTuple):
 
 def nothing_announced(count: int) -> Announcement:
     """The announcement of an agent that has not planned yet."""
-    return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf))
+    return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf, jnp.result_type(float)))
 
 
 def with_announced(observation: Observation, announced: Announcement, virtual_value: str) -> Belief:

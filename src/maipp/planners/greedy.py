@@ -23,7 +23,7 @@ class Greedy(Planner):
 
     def empty_message(self) -> PyTree:
         """The announced target: position (2,), NaN before the first decision."""
-        return jnp.full(2, jnp.nan) if self.shared else ()
+        return jnp.full(2, jnp.nan, jnp.result_type(float)) if self.shared else ()
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""

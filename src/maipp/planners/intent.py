@@ -102,7 +102,9 @@ class IntentPlanner(PolicyPlanner):
         if self.rank != "expected":
             return self.interest.trace(mean, variance, observation.inside)
         known, inside = observation.belief.variance, observation.inside
-        return self.interest.expected_trace(mean, variance, known, inside, spread=self.spread, blur=_BLUR)
+        # Who takes planned values for zero has no doubt about them.
+        spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
+        return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=_BLUR)
 
     def _choose(self, key: Key, insight: Insight, paths: Paths, best: Index) -> Index:
         """Which neighbour to go to."""

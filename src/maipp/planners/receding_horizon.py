@@ -20,7 +20,7 @@ class RecedingHorizon(LegPlanner):
     A leg may bend once, so that the next measurement may lie nearer than the way to it is long.
 
     Decentralised: the agent that is due plans its own legs and counts those the others announced as measured. With
-    `joint=True` it plans the legs of the whole team together: the strongest reference, not a method for the field.
+    `joint=True` it plans the legs of the whole team together, for comparison: not a method for the field.
     """
 
     joint: bool = eqx.field(static=True, default=False)  # plan all agents' legs together
