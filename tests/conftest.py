@@ -19,6 +19,8 @@ for name, value in {
 }.items():
     os.environ.setdefault(name, value)
 
+import jax  # noqa: E402
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 from jaxtyping import install_import_hook  # noqa: E402
 
@@ -28,3 +30,14 @@ install_import_hook("maipp", "beartype.beartype")
 # No deadline: the first example of a test pays for compilation.
 settings.register_profile("maipp", deadline=None, max_examples=50, derandomize="CI" in os.environ)
 settings.load_profile("maipp")
+
+MAPS = Path("/proc/self/maps")
+MOST_MAPS = 30_000  # Linux allows a process 65,530 by default, and LLVM dies without a word beyond
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _room_for_compiled_code():
+    """Forget what earlier modules compiled before its many small mappings of memory are too many."""
+    if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
+        jax.clear_caches()
+    yield
