@@ -81,6 +81,11 @@ def fields(draw):
     )
 
 
+@pytest.mark.parametrize("name", ["\x85", "a\u2028b", "\u2029", "a\nb", " a ", "'", '"'])
+def test_odd_file_names_survive(name):
+    assert parse_scenario(dump_scenario(Scenario(field=name))).field == name
+
+
 @given(fields(), st.booleans())
 def test_what_is_written_is_what_is_read(values, comments):
     scenario = Scenario(**values)

@@ -51,11 +51,18 @@ def _block(dumper: yaml.SafeDumper, mapping: dict[str, Any]) -> yaml.MappingNode
     return dumper.represent_mapping("tag:yaml.org,2002:map", mapping, flow_style=False)
 
 
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # Unicode's own line breaks: in single quotes PyYAML writes them as they are, and reads a space.
+    breaks = any(c in "\x85\u2028\u2029" for c in text)
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if breaks else None)
+
+
 def _decimal(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
     return int(str(loader.construct_scalar(node)))  # PyYAML's own reads a leading zero as octal
 
 
 _Dumper.add_representer(dict, _block)
+_Dumper.add_representer(str, _text)
 _Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
 for _tag, _pattern, _first in _SCALARS:
     for _class in (_Loader, _Dumper):
