@@ -32,7 +32,6 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 IMPORT_NAMES = {
     "pyyaml": "yaml",
     "scikit-learn": "sklearn",
-    "orbax-checkpoint": "orbax",
     "tensorboardx": "tensorboardX",
 }
 

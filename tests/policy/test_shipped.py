@@ -16,8 +16,6 @@ def leaves(network):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_weights_load_under_their_name(name):
-    if not shipped_file(name).exists():
-        pytest.skip(f"no weights named {name} yet")
     network = load_policy(name)
     assert network is load_policy(name) is network_named(name)  # read once
     assert all(np.isfinite(leaf).all() for leaf in leaves(network))

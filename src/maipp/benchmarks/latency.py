@@ -1,18 +1,16 @@
 """How long one decision takes: missions stepped from the host, one at a time, compilation excluded."""
 
-import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from maipp.scenario import Scenario
 from maipp.simulator import Decision, Mission, Planner, State, reset
-from maipp.simulator.engine import advance, due_agent, hear, observe
+from maipp.simulator.engine import advance, turn
 from maipp.typing import Float, Index, Key
 
 
@@ -30,10 +28,7 @@ def _steps(scenario: Scenario, planner: Planner) -> tuple[Callable[..., Any], Ca
 
     @jax.jit
     def decide(arrays: Any, mission: Mission, state: State, key: Key) -> tuple[State, Index, Decision]:
-        agent = due_agent(scenario, state)
-        state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
-        state, heard = hear(scenario, mission, state, agent)
-        observation = observe(scenario, mission, state, agent, heard)
+        state, agent, observation = turn(scenario, mission, state)
         memory = jax.tree.map(lambda array: array[agent], state.memory)
         key = jax.random.fold_in(key, state.events)
         return state, agent, eqx.combine(arrays, static).decide(key, observation, memory)

@@ -15,6 +15,7 @@ from maipp.planners.intent_belief import with_intents
 from maipp.planners.lookahead import predicted
 from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
 from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner, log_probability
+from maipp.planners.roadmap_step import roadmap_of
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.typing import Array, Float, Index, Key
@@ -59,7 +60,7 @@ class IntentPlanner(PolicyPlanner):
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node with the agent's intent, and what a trainer needs to know of the decision."""
         heard = observation.heard & self.listen
-        nodes = jnp.asarray(observation.roadmap.nodes) if observation.roadmap is not None else jnp.zeros((1, 2))
+        nodes = jnp.asarray(roadmap_of(observation).nodes)
         intent = fuse_intents(observation.messages, heard, nodes)
         situation = self.situation(observation, observation.belief, intent)
         insight = self.look(situation, memory)

@@ -10,7 +10,7 @@ from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.policy_paths import Situation
 from maipp.planners.policy_view import PolicyView, policy_view
-from maipp.planners.roadmap_step import current_node
+from maipp.planners.roadmap_step import current_node, roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Array, Float, Index, Key, Vector
@@ -84,9 +84,7 @@ class PolicyPlanner(Planner):
 
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
         """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
-        roadmap = observation.roadmap
-        if roadmap is None:
-            raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
+        roadmap = roadmap_of(observation)
         return Situation(
             roadmap=roadmap,
             nodes=belief.on(jnp.asarray(roadmap.nodes)),

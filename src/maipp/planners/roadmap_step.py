@@ -20,6 +20,13 @@ class Edges(NamedTuple):
     allowed: Bool[Array, " k"]  # not pruned, and within the remaining budget
 
 
+def roadmap_of(observation: Observation) -> Roadmap:
+    """The due agent's roadmap. Raises ValueError where the mission was drawn without roadmaps."""
+    if observation.roadmap is None:
+        raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
+    return observation.roadmap
+
+
 def current_node(roadmap: Roadmap, position: Float[Array, "2"]) -> Index:
     """The roadmap node nearest to a position."""
     offset = jnp.asarray(roadmap.nodes) - position
@@ -42,7 +49,6 @@ def edges(roadmap: Roadmap, node: Index, remaining: Float[Array, ""], last_leg: 
 
 def edges_here(scenario: Scenario, observation: Observation) -> Edges:
     """The edges the due agent may take. Raises ValueError where the mission was drawn without roadmaps."""
-    if observation.roadmap is None:
-        raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
-    node = current_node(observation.roadmap, observation.position)
-    return edges(observation.roadmap, node, observation.remaining, scenario.last_leg)
+    roadmap = roadmap_of(observation)
+    node = current_node(roadmap, observation.position)
+    return edges(roadmap, node, observation.remaining, scenario.last_leg)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief, extend
 from maipp.planners.policy_planner import Choice, PolicyPlanner, log_probability
+from maipp.planners.roadmap_step import roadmap_of
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Key
 
@@ -33,10 +34,7 @@ class SgaCatnipp(PolicyPlanner):
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node, announced, and what a trainer needs to know of the decision."""
-        roadmap = observation.roadmap
-        if roadmap is None:
-            raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
-        nodes = jnp.asarray(roadmap.nodes)
+        nodes = jnp.asarray(roadmap_of(observation).nodes)
         situation = self.situation(observation, self.counted(observation), jnp.zeros(nodes.shape[0], nodes.dtype))
         insight = self.look(situation, memory)
         stop = ~insight.view.allowed.any()

@@ -164,15 +164,20 @@ def _replace(state: State, **changes: Any) -> State:
     return State(**(fields | changes))
 
 
-def step(scenario: Scenario, planner: Planner, mission: Mission, state: State, key: Key) -> State:
-    """One event: the due agent hears, observes, decides, sets off. A finished mission is returned unchanged."""
+def turn(scenario: Scenario, mission: Mission, state: State) -> tuple[State, Index, Observation]:
+    """The first half of an event: the state once the due agent has heard the others, who that is, what it observes."""
     agent = due_agent(scenario, state)
     running = jnp.any(state.active)
     now = jnp.where(running, _pick(state.arrival, agent), state.time)
     state = _replace(state, time=jnp.maximum(state.time, now))
     heard_state, heard = hear(scenario, mission, state, agent)
     state = jax.tree.map(lambda new, old: jnp.where(running, new, old), heard_state, state)
-    observation = observe(scenario, mission, state, agent, heard)
+    return state, agent, observe(scenario, mission, state, agent, heard)
+
+
+def step(scenario: Scenario, planner: Planner, mission: Mission, state: State, key: Key) -> State:
+    """One event: the due agent hears, observes, decides, sets off. A finished mission is returned unchanged."""
+    state, agent, observation = turn(scenario, mission, state)
     memory = jax.tree.map(lambda a: _pick(a, agent), state.memory)
     decision = planner.decide(jax.random.fold_in(key, state.events), observation, memory)
     return advance(scenario, planner, mission, state, agent, decision)

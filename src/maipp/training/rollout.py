@@ -10,7 +10,7 @@ from jax import lax
 from maipp.planners.policy_planner import PolicyPlanner
 from maipp.policy import Memory
 from maipp.scenario import Scenario
-from maipp.simulator.engine import advance, due_agent, hear, observe
+from maipp.simulator.engine import advance, turn
 from maipp.simulator.state import State, reset
 from maipp.training.config import TrainConfig
 from maipp.training.teacher import no_plan, teach
@@ -74,10 +74,7 @@ def step(
     world, state, plans = environment
     act_key, teach_key, follow_key, pick_key, new_key = jax.random.split(key, 5)
     mission = mission_of(scenario, bank, world)
-    agent = due_agent(scenario, state)
-    state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
-    state, heard = hear(scenario, mission, state, agent)
-    observation = observe(scenario, mission, state, agent, heard)
+    state, agent, observation = turn(scenario, mission, state)
     observation = dataclasses.replace(observation, roadmap=agent_roadmap(bank, world, agent))
     memory = jax.tree.map(lambda a: a[agent], state.memory)
     decision, choice = planner.act(act_key, observation, memory)
