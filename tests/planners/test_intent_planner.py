@@ -10,7 +10,6 @@ from shapely.geometry import LineString
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.errors import InputError
-from maipp.planners import intent as module
 from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.intent_belief import intent_points
@@ -61,19 +60,8 @@ def _act(planner, keys, observations, memories):
     """Decisions, what a trainer is told, and the paths that were sampled."""
 
     def act(key, observation, memory):
-        caught = []
-        real = module.sample_paths
-
-        def catch(*args, **kwargs):
-            caught.append(real(*args, **kwargs))
-            return caught[-1]
-
-        module.sample_paths = catch  # only while this is traced
-        try:
-            decision, choice = planner.act(key, observation, memory)
-        finally:
-            module.sample_paths = real
-        return decision, choice, caught[0]
+        decision, choice = planner.act(key, observation, memory)
+        return decision, choice, choice.paths
 
     return jax.vmap(act)(keys, observations, memories)
 
@@ -83,13 +71,14 @@ def act(seen):
     """Runs a planner on what was seen, with one and the same key per event, each planner once."""
     done = {}
 
-    def run(planner, change=None):
+    def run(planner, change=None, intents=None):
         observations, memories = seen
         if change is not None:
-            return _act(planner, jax.random.split(KEY, len(memories.cell)), change(observations), memories)
+            memories = memories if intents is None else memories._replace(intents=intents)
+            return _act(planner, jax.random.split(KEY, len(memories.trajectory.cell)), change(observations), memories)
         options = tuple((name, getattr(planner, name)) for name in planner.__dataclass_fields__ if name != "network")
         if options not in done:
-            done[options] = _act(planner, jax.random.split(KEY, len(memories.cell)), observations, memories)
+            done[options] = _act(planner, jax.random.split(KEY, len(memories.trajectory.cell)), observations, memories)
         return done[options]
 
     return run
@@ -150,18 +139,30 @@ def test_the_policy_sees_the_intents_of_those_it_hears(planner, act, seen):
     assert (shown[0] == 0).all() and (shown[3].max() == 1)  # at first nobody has told anything
 
 
+def out_of_range(observation):
+    """As if nobody were heard."""
+    return eqx.tree_at(lambda o: o.heard, observation, jnp.zeros_like(observation.heard))
+
+
+def test_an_agent_out_of_range_is_counted_on_as_last_heard(planner, act, seen):
+    heard, messages = seen[0].heard, seen[0].messages
+    last = jax.tree.map(lambda a: jnp.where(heard[..., None], a, jnp.nan), messages)
+    star = planner(**STAR)
+    assert_same(act(star)[:2], act(star, out_of_range, last)[:2])
+
+
 def test_hearing_no_message_is_a_map_of_zeros_and_the_same_as_not_listening(planner, act):
     deaf = act(planner(**STAR, listen=False))
     assert (np.asarray(deaf[1].view.features[..., 4]) == 0).all()
-    alone = act(planner(**STAR), lambda o: eqx.tree_at(lambda o: o.heard, o, jnp.zeros_like(o.heard)))
+    alone = act(planner(**STAR, recall=False), out_of_range)
     silent = act(
         planner(**STAR),
         lambda o: eqx.tree_at(lambda o: o.messages, o, jax.tree.map(lambda a: jnp.full_like(a, jnp.nan), o.messages)),
     )
-    assert_same(deaf, alone)
-    assert_same(deaf, silent)
+    for other in (alone, silent):  # they remember other intents, and make the same of it
+        assert_same((deaf[0].waypoints, deaf[0].message, deaf[1]), (other[0].waypoints, other[0].message, other[1]))
     heard = act(planner(**STAR))
-    assert not np.allclose(heard[1].value, deaf[1].value, atol=1e-4)
+    assert not np.allclose(heard[1].insight.value, deaf[1].insight.value, atol=1e-4)
 
 
 def refit(x, y, grid):
@@ -220,7 +221,8 @@ def test_best_is_the_first_step_of_the_path_with_the_lowest_predicted_trace(plan
 
 def test_both_modes_agree_on_everything_but_virtual_steps(planner, act):
     once, again = (act(planner(mode=mode)) for mode in ("encode-once", "reencode"))
-    assert_same(once[1], again[1])
+    for same in ("situation", "insight", "memory", "index"):
+        assert_same(getattr(once[1], same), getattr(again[1], same))
     assert_same(once[0].waypoints, again[0].waypoints)
     np.testing.assert_array_equal(once[2].choices, again[2].choices)
     np.testing.assert_array_equal(once[2].nodes[..., 0], again[2].nodes[..., 0])
@@ -248,13 +250,14 @@ def test_a_trainer_is_told_the_log_probability_of_the_choice(planner, act, tiny,
         prepared = network.prepare(network.encode(view.features, view.encoding))
         return network.decode(prepared, *view[2:], memory)[0]
 
-    logits = np.asarray(jax.vmap(again, (None, 0, 0))(tiny, choices.view, seen[1]), np.float64)
+    told = jax.vmap(lambda choice: choice.log_probability)(choices)
+    logits = np.asarray(jax.vmap(again, (None, 0, 0))(tiny, choices.view, seen[1].trajectory), np.float64)
     for e, row in enumerate(logits):
         if decisions.stop[e]:
-            assert choices.log_probability[e] == 0 and not choices.view.allowed[e].any()
+            assert told[e] == 0 and not choices.view.allowed[e].any()
             continue
         probability = np.exp(row - row.max())[int(choices.index[e])] / np.exp(row - row.max()).sum()
-        assert probability > 0 and float(choices.log_probability[e]) == pytest.approx(np.log(probability), abs=1e-4)
+        assert probability > 0 and float(told[e]) == pytest.approx(np.log(probability), abs=1e-4)
 
 
 def missions_of(scenario, count):
@@ -294,7 +297,7 @@ def test_other_roadmaps_float64_and_a_lone_agent_need_no_other_network(tiny):
     with jax.enable_x64(True):
         star = IntentPlanner(scenario, network=tiny, paths=3, steps=2, choose="best")
         states = run_missions(scenario, star, missions_of(scenario, 1), KEY)
-        assert states.route.dtype == jnp.float64 and states.memory.hidden.dtype == jnp.float32
+        assert states.route.dtype == jnp.float64 and states.memory.trajectory.hidden.dtype == jnp.float32
         np.testing.assert_allclose(states.odometer, 0.5, atol=1e-5)
 
 

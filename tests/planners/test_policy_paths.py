@@ -58,7 +58,7 @@ def draw(scenario, seed, remaining=None):
 @eqx.filter_jit
 def sample(planner, situation, key, temperature=1.0, reencode=False, steps=STEPS):
     """Paths from any of the first steps that are allowed."""
-    insight = planner.look(situation, planner.initial_memory())
+    insight = planner.look(situation, planner.policy.initial_memory())
     possible = insight.view.allowed
     choices = jax.random.categorical(key, jnp.where(possible | ~possible.any(), 0.0, -jnp.inf), shape=(COUNT,))
     paths = sample_paths(

@@ -8,6 +8,7 @@ import pytest
 from jax import lax
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.planners.policy_planner import log_probability
 from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, reset
@@ -77,9 +78,10 @@ def test_choices_are_allowed_neighbours_and_their_probability_is_told(events, ti
 
     device = jax.tree.map(jnp.asarray, (choice.view, choice.memory))
     rows = np.asarray(jax.vmap(logits, (None, 0, 0))(tiny, *device), np.float64)
+    told = jax.vmap(log_probability)(jnp.asarray(choice.insight.logits), jnp.asarray(choice.index))
     for e in np.flatnonzero(running & ~decision.stop):
         index = choice.index[e]
         assert choice.view.allowed[e, index]
         target = seen.roadmap.nodes[e][choice.view.neighbours[e, index]]
         np.testing.assert_array_equal(decision.waypoints[e, 0], target)
-        assert choice.log_probability[e] == pytest.approx(rows[e, index] - np.logaddexp.reduce(rows[e]), abs=1e-4)
+        assert told[e] == pytest.approx(rows[e, index] - np.logaddexp.reduce(rows[e]), abs=1e-4)

@@ -3,7 +3,8 @@
 Source: Yang et al. 2023, Sec. IV-B (intent), IV-C (policy), V (DI, TI and TI*).
 """
 
-from typing import Literal
+import dataclasses
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,16 +13,24 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
-from maipp.planners.lookahead import predicted
-from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
-from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner, log_probability
+from maipp.planners.policy_paths import Paths, Situation
+from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
+from maipp.policy import Memory
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
-from maipp.typing import Array, Float, Index, Key
+from maipp.team.intent import is_told
+from maipp.typing import Array, Bool, Float, Index, Key
 
 # Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
 _BLUR = 0.02
+
+
+class Recollection(NamedTuple):
+    """What an agent remembers from decision to decision."""
+
+    trajectory: Memory  # the network's, of the executed trajectory
+    intents: Intent  # last heard from each agent, leading axis m
 
 
 class IntentPlanner(PolicyPlanner):
@@ -29,6 +38,8 @@ class IntentPlanner(PolicyPlanner):
 
     paths: int = eqx.field(static=True, default=8)  # trajectories sampled per decision: a
     steps: int = eqx.field(static=True, default=5)  # nodes of each: j
+    hottest: float = eqx.field(static=True, default=0.0)  # temperature that the last path is sampled at; 0: as all
+    distinct: bool = eqx.field(static=True, default=False)  # the paths' first steps differ, as far as they can
     # Told of each path: all its nodes (TI), or its last one (DI).
     intent: Literal["trajectory", "destination"] = eqx.field(static=True, default="trajectory")
     choose: Literal["likeliest", "sample", "best"] = eqx.field(static=True, default="likeliest")  # the next node
@@ -38,6 +49,7 @@ class IntentPlanner(PolicyPlanner):
     spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
     share: Literal["samples", "best"] = eqx.field(static=True, default="samples")  # paths the intent is fitted to
     listen: bool = eqx.field(static=True, default=True)  # False: as if no intent were heard
+    recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on the last intent heard
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
@@ -45,12 +57,18 @@ class IntentPlanner(PolicyPlanner):
         for name in ("paths", "steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
-        if not self.spread >= 0:
-            raise InputError(f"spread={self.spread}: give a number >= 0")
+        for name in ("spread", "hottest"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"{name}={getattr(self, name)}: give a number >= 0")
 
     def empty_message(self) -> PyTree:
         """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
         return no_intent()
+
+    def initial_memory(self) -> PyTree:
+        """Nothing travelled, nothing heard."""
+        intents = jax.tree.map(lambda a: jnp.broadcast_to(a, (self.scenario.agents, *a.shape)), no_intent())
+        return Recollection(self.policy.initial_memory(), intents)
 
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with a few virtual measurements where the others intend to be."""
@@ -59,47 +77,43 @@ class IntentPlanner(PolicyPlanner):
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node with the agent's intent, and what a trainer needs to know of the decision."""
+        intents = _latest(observation.heard, observation.messages, memory.intents)
+        if self.recall:
+            # Silence may mean out of range: what was last heard is still the best guess of where that agent measures.
+            observation = dataclasses.replace(observation, messages=intents, heard=is_told(intents))
         heard = observation.heard & self.listen
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         intent = fuse_intents(observation.messages, heard, nodes)
         situation = self.situation(observation, observation.belief, intent)
-        insight = self.look(situation, memory)
-        path_key, choice_key, first_key = jax.random.split(key, 3)
-        paths = self._sample(path_key, first_key, situation, insight)
-        scores = self._scores(observation, situation, paths) if self._ranks else jnp.zeros(self.paths)
-        best = jnp.argmin(scores)
+        insight = self.look(situation, memory.trajectory)
+        path_key, choice_key = jax.random.split(key)
+        paths = self.sample(
+            path_key,
+            situation,
+            insight,
+            paths=self.paths,
+            steps=self.steps,
+            reencode=self.mode == "reencode",
+            hottest=self.hottest or None,
+            distinct=self.distinct,
+        )
+        scores = self._scores(observation, situation, paths) if self._ranks else None
+        best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(scores)
         index = self._choose(choice_key, insight, paths, best)
         stop = ~insight.view.allowed.any()
         target = nodes[jnp.where(stop, situation.node, insight.view.neighbours[index])]
-        decision = Decision(target[None], self._fit(nodes, paths, best, stop), insight.memory, stop)
-        return decision, Choice(insight.view, memory, index, log_probability(insight.logits, index), insight.value)
+        remembered = Recollection(insight.memory, intents)
+        decision = Decision(target[None], self._fit(nodes, paths, best, stop), remembered, stop)
+        return decision, Choice(situation, insight, memory.trajectory, index, paths, scores)
 
     @property
     def _ranks(self) -> bool:
         return self.choose == "best" or self.share == "best"
 
-    def _sample(self, key: Key, first_key: Key, situation: Situation, insight: Insight) -> Paths:
-        """The sampled trajectories."""
-        logits = jnp.where(insight.view.allowed.any(), insight.logits / self.temperature, 0.0)
-        choices = jax.random.categorical(first_key, logits, shape=(self.paths,))
-        return sample_paths(
-            self.scenario,
-            self.policy,
-            insight.prepared,
-            situation,
-            choices,
-            insight.memory,
-            key,
-            steps=self.steps,
-            temperature=self.temperature,
-            reencode=self.mode == "reencode",
-        )
-
     def _scores(self, observation: Observation, situation: Situation, paths: Paths) -> Float[Array, " a"]:
         """What each path leaves: the Tr(P) predicted, or expected, at its end."""
         belief = observation.belief if self.rank == "stationary" else self.counted(observation)
-        points, taken = path_measurements(self.scenario, situation, paths)
-        mean, variance = predicted(belief, points, taken, virtual_value=self.scenario.virtual_value)
+        mean, variance = self.outcomes(belief, situation, paths)
         if self.rank != "expected":
             return self.interest.trace(mean, variance, observation.inside)
         known, inside = observation.belief.variance, observation.inside
@@ -124,3 +138,8 @@ class IntentPlanner(PolicyPlanner):
         fit = trajectory_intent if self.intent == "trajectory" else destination_intent
         # The floor is that of a unit square; it grows with the survey area.
         return fit(nodes[paths.nodes], taken, COVARIANCE_FLOOR * max(self.scenario.extent) ** 2)
+
+
+def _latest(heard: Bool[Array, " m"], new: Intent, old: Intent) -> Intent:
+    """The new intents of the agents heard, the old ones of the others."""
+    return jax.tree.map(lambda n, o: jnp.where(heard[:, None], n, o), new, old)

@@ -13,6 +13,7 @@ from jax import lax
 from maipp.belief import Belief
 from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_variance
 from maipp.planners.policy_view import PolicyView, policy_view
+from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import edges
 from maipp.policy import Memory, PolicyNetwork, Prepared
 from maipp.roadmap import Roadmap
@@ -39,6 +40,7 @@ class Situation(NamedTuple):
     remaining: Float[Array, ""]  # budget left, domain units
     to_next: Float[Array, ""]  # distance to its next measurement, domain units
     intent: Vector  # the others' fused intent at the nodes
+    meeting: Rendezvous | None = None  # where to be at the end
 
 
 def path_measurements(scenario: Scenario, situation: Situation, paths: Paths) -> tuple[Array, Array]:
@@ -57,6 +59,24 @@ def _measurements(
     points, _ = along_paths(situation.position, waypoints, offsets)
     within = jnp.minimum(length, situation.remaining)
     return points, offsets <= within[:, None] + DISTANCE_TOLERANCE
+
+
+def virtual_views(
+    scenario: Scenario, start: Situation, node: Int[Array, " a"], nodes: Int[Array, "a j"], length: Float[Array, " a"]
+) -> PolicyView:
+    """What the policy is shown at `node` (leading axis a), having come by `nodes`, `length` far (domain units).
+
+    Budget and standard deviations are as the measurements passed so far would leave them.
+    """
+    positions = jnp.asarray(start.roadmap.nodes)
+    points, taken = _measurements(scenario, start, positions[nodes], length)
+    std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
+
+    def look(node: Index, length: Array, std: Vector) -> PolicyView:
+        where = (node, positions[node], start.remaining - length)
+        return policy_view(scenario, start.roadmap, start.nodes, *where, start.intent, std, start.meeting)
+
+    return jax.vmap(look)(node, length, std)
 
 
 class _Step(NamedTuple):
@@ -78,7 +98,7 @@ def sample_paths(
     key: Key,
     *,
     steps: int,
-    temperature: float,
+    temperature: float | Float[Array, " a"],
     reencode: bool,
 ) -> Paths:
     """Continue each path from its first choice by `steps - 1` samples of the policy.
@@ -89,10 +109,10 @@ def sample_paths(
     current standard deviation.
     """
     roadmap, start = situation.roadmap, situation
+    heat = jnp.reshape(jnp.asarray(temperature), (-1, 1))
     count = choices.shape[0]
-    graph = (jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances), jnp.asarray(roadmap.nodes))
-    neighbours, distances, positions = graph
-    first = edges(roadmap, start.node, start.remaining, scenario.last_leg)
+    neighbours, distances = jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances)
+    first = edges(roadmap, start.node, start.remaining, scenario.last_leg, start.meeting)
     go = first.allowed[choices]
     node = jnp.where(go, neighbours[start.node, choices], start.node)
     state = _Step(
@@ -111,18 +131,11 @@ def sample_paths(
 
     def advance(state: _Step, inputs: tuple[Array, Key]) -> tuple[_Step, Array]:
         t, step_key = inputs
-        points, taken = _measurements(scenario, start, positions[state.nodes], state.length)
-        std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
-
-        def look(node: Index, length: Array, std: Vector) -> PolicyView:
-            remaining = start.remaining - length
-            return policy_view(scenario, roadmap, start.nodes, node, positions[node], remaining, start.intent, std)
-
-        view = jax.vmap(look)(state.node, state.length, std)
+        view = virtual_views(scenario, start, state.node, state.nodes, state.length)
         # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
         logits, memory = jax.vmap(decode)(view, state.memory)
         go = view.allowed.any(axis=-1)
-        choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / temperature)
+        choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / heat)
         node = jnp.where(go, neighbours[state.node, choice], state.node)
         length = state.length + jnp.where(go, distances[state.node, choice], 0.0)
         nodes = jnp.where(jnp.arange(steps) >= t, node[:, None], state.nodes)

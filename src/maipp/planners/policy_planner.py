@@ -1,5 +1,6 @@
 """What every planner with a policy network shares: its weights, and what the network is shown."""
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,22 +9,14 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief
 from maipp.errors import InputError
-from maipp.planners.policy_paths import Situation
+from maipp.planners.lookahead import predicted
+from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
 from maipp.planners.policy_view import PolicyView, policy_view
+from maipp.planners.rendezvous import rendezvous
 from maipp.planners.roadmap_step import current_node, roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Array, Float, Index, Key, Vector
-
-
-class Choice(NamedTuple):
-    """A decision as a trainer needs it."""
-
-    view: PolicyView  # what the network was shown
-    memory: Memory  # of the network before the decision
-    index: Index  # the neighbour chosen
-    log_probability: Float[Array, ""]  # of choosing it, at temperature 1
-    value: Float[Array, ""]  # the network's value of the situation
 
 
 class Insight(NamedTuple):
@@ -36,11 +29,33 @@ class Insight(NamedTuple):
     memory: Memory  # after the situation
 
 
+class Choice(NamedTuple):
+    """A decision as a trainer needs it."""
+
+    situation: Situation  # where the agent was
+    insight: Insight  # what the network made of it
+    memory: Memory  # of the network before the decision
+    index: Index  # the neighbour chosen
+    paths: Paths | None = None  # those it ranked, if any
+    scores: Float[Array, " a"] | None = None  # what each would leave
+
+    @property
+    def view(self) -> PolicyView:
+        """What the network was shown."""
+        return self.insight.view
+
+    @property
+    def log_probability(self) -> Float[Array, ""]:
+        """Of the choice, at temperature 1."""
+        return log_probability(self.insight.logits, self.index)
+
+
 class PolicyPlanner(Planner):
     """Base of the planners that ask a policy network."""
 
     weights: str = eqx.field(static=True, default="ti")  # shipped weights, a .safetensors file, or untrained
     temperature: float = eqx.field(static=True, default=1.0)  # of the softmax that steps are sampled from
+    meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
     network: PolicyNetwork | None = None  # the network itself, from Python; None: as `weights` says
 
     uses_roadmap = True
@@ -93,14 +108,64 @@ class PolicyPlanner(Planner):
             remaining=observation.remaining,
             to_next=observation.to_next_measurement,
             intent=intent,
+            meeting=rendezvous(self.scenario) if self.meet else None,
         )
 
     def look(self, situation: Situation, memory: Memory) -> Insight:
         """Show the situation to the network."""
         where = (situation.node, situation.position, situation.remaining)
-        view = policy_view(self.scenario, situation.roadmap, situation.nodes, *where, situation.intent)
+        view = policy_view(
+            self.scenario, situation.roadmap, situation.nodes, *where, situation.intent, meeting=situation.meeting
+        )
         prepared = self.policy.prepare(self.policy.encode(view.features, view.encoding))
         return Insight(view, prepared, *self.policy.decode(prepared, *view[2:], memory))
+
+    def sample(
+        self,
+        key: Key,
+        situation: Situation,
+        insight: Insight,
+        *,
+        paths: int,
+        steps: int,
+        reencode: bool = False,
+        hottest: float | None = None,
+        distinct: bool = False,
+    ) -> Paths:
+        """Trajectories sampled from the policy; see `sample_paths`.
+
+        The first is sampled at `temperature`, the last at `hottest` (the same, unless given), those between at
+        temperatures between. `distinct` first steps are drawn without replacement, as far as there are others.
+        """
+        first_key, key = jax.random.split(key)
+        heat = jnp.linspace(0.0, math.log((hottest or self.temperature) / self.temperature), paths)
+        temperature = self.temperature * jnp.exp(heat)
+        logits = jnp.where(insight.view.allowed.any(), insight.logits, 0.0)
+        if distinct:
+            # Gumbel top-k: sampling without replacement (Kool et al. 2019).
+            order = jnp.argsort(-logits / self.temperature - jax.random.gumbel(first_key, logits.shape))
+            choices = order[jnp.arange(paths) % jnp.maximum(jnp.sum(insight.view.allowed), 1)]
+        else:
+            choices = jax.random.categorical(first_key, logits / temperature[:, None])
+        return sample_paths(
+            self.scenario,
+            self.policy,
+            insight.prepared,
+            situation,
+            choices.astype(jnp.int32),
+            insight.memory,
+            key,
+            steps=steps,
+            temperature=temperature,
+            reencode=reencode,
+        )
+
+    def outcomes(
+        self, belief: Belief, situation: Situation, paths: Paths
+    ) -> tuple[Float[Array, "a q"], Float[Array, "a q"]]:
+        """Mean and variance on the evaluation grid after each path, by `belief`."""
+        points, taken = path_measurements(self.scenario, situation, paths)
+        return predicted(belief, points, taken, virtual_value=self.scenario.virtual_value)
 
 
 def log_probability(logits: Float[Array, " k"], index: Index) -> Float[Array, ""]:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import edges
 from maipp.policy import node_features
 from maipp.roadmap import Roadmap
@@ -34,17 +35,19 @@ def policy_view(
     remaining: Float[Array, ""],
     intent: Vector,
     std: Vector | None = None,
+    meeting: Rendezvous | None = None,
 ) -> PolicyView:
     """The view of an agent at `node` of its roadmap, which is at `position`, with `remaining` budget (domain units).
 
     `nodes` is its belief, predicted at the roadmap's nodes; `std` takes the place of the belief's own there, as on a
-    virtual step. `intent` is the others' fused intent at the nodes. Raises ValueError where the roadmap carries no
+    virtual step. `intent` is the others' fused intent at the nodes. Whoever has a `meeting` is shown only neighbours
+    that let it be there in time. Raises ValueError where the roadmap carries no
     encoding.
     """
     if roadmap.encoding is None:
         raise ValueError("the policy reads spectral encodings: draw the missions with encodings=32")
     std = nodes.std if std is None else std
-    here = edges(roadmap, node, remaining, scenario.last_leg)
+    here = edges(roadmap, node, remaining, scenario.last_leg, meeting)
     return PolicyView(
         features=node_features(jnp.asarray(roadmap.nodes), position, nodes.mean, std, intent, scenario.extent),
         encoding=jnp.asarray(roadmap.encoding),

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from maipp.planners.rendezvous import Rendezvous, in_time
 from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.simulator.decision import Observation
@@ -33,18 +34,28 @@ def current_node(roadmap: Roadmap, position: Float[Array, "2"]) -> Index:
     return jnp.argmin(jnp.sum(offset * offset, axis=-1)).astype(jnp.int32)
 
 
-def edges(roadmap: Roadmap, node: Index, remaining: Float[Array, ""], last_leg: str = "stop") -> Edges:
+def edges(
+    roadmap: Roadmap,
+    node: Index,
+    remaining: Float[Array, ""],
+    last_leg: str = "stop",
+    meeting: Rendezvous | None = None,
+) -> Edges:
     """The edges from `node` to its neighbours that the remaining budget allows.
 
     `last_leg="stop"` allows edges no longer than the remaining budget, so an agent stops where it reaches no neighbour;
-    `"cut"` allows every edge while any budget is left, and the engine cuts the leg at the budget.
+    `"cut"` allows every edge while any budget is left, and the engine cuts the leg at the budget. With a `meeting` only
+    edges from whose ends the agent can still get there in time.
     """
     target_nodes = jnp.asarray(roadmap.neighbours)[node]
     lengths = jnp.asarray(roadmap.distances)[node]
     within = lengths <= remaining + DISTANCE_TOLERANCE if last_leg == "stop" else remaining > DISTANCE_TOLERANCE
     # An edge of length zero (coincident nodes) goes nowhere, and an agent that goes nowhere has stopped.
     allowed = jnp.asarray(roadmap.reachable)[node] & within & (lengths > DISTANCE_TOLERANCE)
-    return Edges(node, jnp.asarray(roadmap.nodes)[target_nodes], target_nodes, lengths, allowed)
+    targets = jnp.asarray(roadmap.nodes)[target_nodes]
+    if meeting is not None:
+        allowed = in_time(meeting, jnp.asarray(roadmap.nodes)[node], targets, allowed, remaining)
+    return Edges(node, targets, target_nodes, lengths, allowed)
 
 
 def edges_here(scenario: Scenario, observation: Observation) -> Edges:

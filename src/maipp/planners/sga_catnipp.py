@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief, extend
-from maipp.planners.policy_planner import Choice, PolicyPlanner, log_probability
+from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Key
@@ -45,4 +45,4 @@ class SgaCatnipp(PolicyPlanner):
             index = jnp.argmax(logits).astype(jnp.int32)
         target = nodes[insight.view.neighbours[index]]
         decision = Decision(target[None], jnp.where(stop, jnp.nan, target), insight.memory, stop)
-        return decision, Choice(insight.view, memory, index, log_probability(insight.logits, index), insight.value)
+        return decision, Choice(situation, insight, memory, index)

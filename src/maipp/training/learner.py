@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import equinox as eqx
 import jax
@@ -17,11 +17,11 @@ from maipp.errors import InputError
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.policy_planner import PolicyPlanner
 from maipp.planners.sga_catnipp import SgaCatnipp
-from maipp.policy import PolicyNetwork
+from maipp.policy import PolicyNetwork, network_named
 from maipp.training.config import TrainConfig
 from maipp.training.losses import Sample, sample_loss
 from maipp.training.returns import returns
-from maipp.training.rollout import Environment, new_environment, roll_out
+from maipp.training.rollout import Environment, Phase, new_environment, roll_out
 from maipp.training.worlds import Bank, draw_bank, training_scenario
 from maipp.typing import Array, Float, Int, Key
 
@@ -30,6 +30,9 @@ _AXES = ("devices", "shards")  # gradients are averaged over both
 
 # Decisions whose gradient a CPU core computes together: their activations fill its cache. An accelerator takes all.
 _CPU_CHUNK = 8
+
+# How often the search's best path is followed while learning from it; else the policy, so that it learns to recover.
+_FOLLOW = 0.7
 
 
 class Shard(NamedTuple):
@@ -60,24 +63,37 @@ class Learner:
                 f"training: shards: {config.shards} do not split over {len(self.devices)} devices; give a multiple"
             )
         self.scenario = training_scenario(config)
-        fresh = PolicyNetwork(jax.random.key(config.seed), use_intent=config.policy == "ti")
+        fresh = self._first_network()
         self.bank = draw_bank(config, self.scenario, fresh.encoding_dimensions)
         self.mesh = Mesh(np.asarray(self.devices), ("devices",))
         self._optimiser = _optimiser(config)
-        self._update = {teach: self._compile(teach) for teach in (True, False)}
+        self._update = {phase: self._compile(phase) for phase in get_args(Phase)}
 
-    def planner(self, network: PolicyNetwork) -> PolicyPlanner:
+    def _first_network(self) -> PolicyNetwork:
+        """The network to begin with."""
+        use_intent = self.config.policy == "ti"
+        if not self.config.start:
+            return PolicyNetwork(jax.random.fold_in(jax.random.key(self.config.seed), 0), use_intent=use_intent)
+        network = network_named(self.config.start)
+        if network.use_intent != use_intent:
+            raise InputError(f"training: start: {self.config.start} is not for policy {self.config.policy}")
+        return network
+
+    def planner(self, network: PolicyNetwork, phase: Phase = "reinforce") -> PolicyPlanner:
         """The planner whose behaviour is trained."""
         if self.config.policy == "ti":
-            paths, steps = self.config.paths, self.config.steps
-            options = {"paths": paths, "steps": steps, "share": self.config.share, "choose": "sample"}
+            config = self.config
+            options = {"paths": config.paths, "steps": config.steps, "share": config.share, "choose": "sample"}
+            if phase == "search":
+                options |= {"paths": config.search_paths, "steps": config.search_steps, "share": "best"}
+                options |= {"hottest": config.search_temperature}
             return IntentPlanner(self.scenario, network=network, **options)
         return SgaCatnipp(self.scenario, network=network, choose="sample")
 
     def initial(self) -> TrainState:
         """The state before the first update, from `config.seed` alone."""
         key = jax.random.key(self.config.seed)
-        network = PolicyNetwork(jax.random.fold_in(key, 0), use_intent=self.config.policy == "ti")
+        network = self._first_network()
         planner = self.planner(network)
 
         def shard(key: Key) -> Shard:
@@ -87,20 +103,27 @@ class Learner:
         keys = jax.random.split(jax.random.fold_in(key, 1), self.config.shards)
         split, whole = NamedSharding(self.mesh, _SPLIT), NamedSharding(self.mesh, _WHOLE)
         shards = jax.jit(jax.vmap(shard), out_shardings=split)(keys)
+        # A copy: updates give away the buffers of the state, which must not be those of weights kept elsewhere.
+        network = jax.tree.map(lambda a: jnp.array(a, copy=True), network)
         rest = jax.jit(lambda n: (n, self._optimiser.init(n), jnp.zeros((), jnp.int32)), out_shardings=whole)(network)
         return TrainState(rest[0], rest[1], shards, rest[2])
 
     def update(self, state: TrainState) -> tuple[TrainState, dict[str, Array]]:
         """One update: sample with the policy as it is, then take gradient steps; with the metrics of both."""
-        teach = int(state.updates) < self.config.imitation
-        return self._update[teach](state, self.bank)
+        return self._update[self._phase(int(state.updates))](state, self.bank)
 
-    def _compile(self, teach: bool) -> Any:
-        """The compiled update, with or without the teacher."""
+    def _phase(self, updates: int) -> Phase:
+        """What the next update learns from, `updates` being done."""
+        if updates < self.config.imitation:
+            return "imitate"
+        return "search" if updates < self.config.imitation + self.config.search else "reinforce"
+
+    def _compile(self, phase: Phase) -> Any:
+        """The compiled update of a phase."""
 
         def on_device(parts: tuple[Any, ...], bank: Bank) -> tuple[tuple[Any, ...], dict[str, Array]]:
             network, optimiser, shards, updates = parts
-            one = partial(self._update_shard, bank, teach, network, optimiser, updates)
+            one = partial(self._update_shard, bank, phase, network, optimiser, updates)
             spread = jax.vmap(one, axis_name="shards", out_axes=(None, None, 0, None))
             network, optimiser, shards, metrics = spread(shards)
             return (network, optimiser, shards, updates + 1), metrics
@@ -119,7 +142,7 @@ class Learner:
     def _update_shard(
         self,
         bank: Bank,
-        teach: bool,
+        phase: Phase,
         network: PolicyNetwork,
         optimiser: Any,
         updates: Int[Array, ""],
@@ -128,9 +151,9 @@ class Learner:
         """One shard's part of an update; what it returns of network, optimiser and metrics is the same for all."""
         config = self.config
         key, roll_key, shuffle_key = jax.random.split(shard.key, 3)
-        follow = jnp.maximum(0.0, 1.0 - 2.0 * updates / max(1, config.imitation)) if teach else None
+        follow = jnp.maximum(0.0, 1.0 - 2.0 * updates / max(1, config.imitation)) if phase == "imitate" else _FOLLOW
         environments, transitions = roll_out(
-            config, self.scenario, self.planner(network), bank, shard.environments, roll_key, follow
+            config, self.scenario, self.planner(network, phase), bank, shard.environments, roll_key, phase, follow
         )
         worth = returns(config, transitions, self.scenario.agents)
         advantage = _normalised(worth.advantage, worth.valid)
@@ -140,7 +163,7 @@ class Learner:
         def epoch(carry: Any, key: Key) -> tuple[Any, dict[str, Array]]:
             order = jax.random.permutation(key, flat.advantage.shape[0])
             batches = order.reshape(config.minibatches, config.minibatch)
-            return lax.scan(lambda c, index: self._gradient_step(bank, teach, flat, c[0], c[1], index), carry, batches)
+            return lax.scan(lambda c, index: self._gradient_step(bank, phase, flat, c[0], c[1], index), carry, batches)
 
         keys = jax.random.split(shuffle_key, config.epochs)
         (network, optimiser), metrics = lax.scan(epoch, (network, optimiser), keys)
@@ -155,7 +178,7 @@ class Learner:
     def _gradient_step(
         self,
         bank: Bank,
-        imitate: bool,
+        phase: Phase,
         samples: Sample,
         network: PolicyNetwork,
         optimiser: Any,
@@ -166,7 +189,7 @@ class Learner:
 
         def loss(network: PolicyNetwork, chunk: Array) -> tuple[Float[Array, ""], dict[str, Array]]:
             picked = jax.tree.map(lambda a: a[chunk], samples)
-            losses, parts = jax.vmap(lambda s: sample_loss(self.config, network, bank, s, imitate))(picked)
+            losses, parts = jax.vmap(lambda s: sample_loss(self.config, network, bank, s, phase))(picked)
             return jnp.mean(losses), jax.tree.map(jnp.mean, parts)
 
         def add(total: Any, chunk: Array) -> tuple[Any, None]:
@@ -180,7 +203,7 @@ class Learner:
         gradient, parts = lax.pmean(jax.tree.map(lambda a: a / len(chunks), total), _AXES)
         weights: Any = network  # optax knows no modules, only pytrees
         change, optimiser = self._optimiser.update(gradient, optimiser, weights)
-        parts["gradient_norm"] = optax.global_norm(gradient)
+        parts["gradient_norm"] = optax.tree.norm(gradient)
         moved: Any = optax.apply_updates(weights, change)
         return (moved, optimiser), parts
 

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 
 from maipp.planners.policy_planner import log_probability
-from maipp.policy import PolicyNetwork
+from maipp.policy import PolicyNetwork, Prepared
 from maipp.training.config import TrainConfig
-from maipp.training.rollout import Transition
+from maipp.training.rollout import Phase, Transition
+from maipp.training.search import surprise
 from maipp.training.worlds import Bank
 from maipp.typing import Array, Bool, Float
 
@@ -22,8 +23,10 @@ class Sample(NamedTuple):
     valid: Bool[Array, ""]
 
 
-def ask(network: PolicyNetwork, bank: Bank, transition: Transition) -> tuple[Float[Array, " k"], Float[Array, ""]]:
-    """The network's logits and value in the situation of a transition."""
+def ask(
+    network: PolicyNetwork, bank: Bank, transition: Transition
+) -> tuple[Prepared, Float[Array, " k"], Float[Array, ""]]:
+    """What the network makes of the situation of a transition: its encoding, logits and value."""
     assert bank.roadmap.encoding is not None
     encoding = bank.roadmap.encoding[transition.roadmap, transition.agent] * transition.signs
     prepared = network.prepare(network.encode(transition.features, encoding))
@@ -37,19 +40,19 @@ def ask(network: PolicyNetwork, bank: Bank, transition: Transition) -> tuple[Flo
         transition.threshold,
         transition.memory,
     )
-    return logits, value
+    return prepared, logits, value
 
 
 def sample_loss(
-    config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: Sample, imitate: bool
+    config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: Sample, phase: Phase
 ) -> tuple[Float[Array, ""], dict[str, Array]]:
     """Loss of one decision, and its parts.
 
-    Imitation is the cross-entropy from the teacher's choice; PPO as in Schulman et al. 2017, with an entropy bonus. The
-    value is fitted in both.
+    Imitation is the cross-entropy from the teacher's choice; search that from the steps of the elite paths; PPO as in
+    Schulman et al. 2017, with an entropy bonus. The value is fitted in all.
     """
     transition = sample.transition
-    logits, value = ask(network, bank, transition)
+    prepared, logits, value = ask(network, bank, transition)
     acts = transition.allowed.any()
     # Where nothing is allowed any distribution will do: it has no weight, and must have no NaN.
     logs = jax.nn.log_softmax(jnp.where(acts, logits, 0.0))
@@ -57,6 +60,8 @@ def sample_loss(
     chances = jnp.where(transition.allowed, jnp.exp(finite), 0.0)
     entropy = -jnp.sum(chances * finite)
     imitation = -jnp.sum(transition.lesson * finite)
+    if transition.elites is not None:
+        imitation = surprise(network, prepared, transition.memory, transition.threshold, transition.elites)
     ratio_log = jnp.where(sample.valid, log_probability(logits, transition.index) - transition.log_probability, 0.0)
     ratio = jnp.exp(ratio_log)
     clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
@@ -64,10 +69,8 @@ def sample_loss(
     weight = sample.valid.astype(jnp.float32)
     policy = -weight * gain
     error = weight * 0.5 * (value - sample.target) ** 2
-    if imitate:
-        loss = imitation + config.value * error
-    else:
-        loss = policy + config.value * error - config.entropy * entropy * acts
+    loss = config.value * error
+    loss += policy - config.entropy * entropy * acts if phase == "reinforce" else imitation
     parts = {
         "loss": loss,
         "policy_loss": policy,

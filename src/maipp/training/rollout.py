@@ -1,7 +1,7 @@
 """Sampling: missions stepped together, one decision each at a time, begun anew as soon as they end."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,9 +13,13 @@ from maipp.scenario import Scenario
 from maipp.simulator.engine import advance, turn
 from maipp.simulator.state import State, reset
 from maipp.training.config import TrainConfig
+from maipp.training.search import Elites, find_elites
 from maipp.training.teacher import no_plan, teach
 from maipp.training.worlds import Bank, World, agent_roadmap, draw_world, mission_of
 from maipp.typing import Array, Bool, Float, Index, Int, Key
+
+# What an update learns from: the teacher, the policy's own search, or the reward.
+Phase = Literal["imitate", "search", "reinforce"]
 
 
 class Environment(NamedTuple):
@@ -43,7 +47,8 @@ class Transition(NamedTuple):
     index: Index  # the neighbour chosen
     log_probability: Float[Array, ""]
     value: Float[Array, ""]
-    lesson: Float[Array, " k"]  # the teacher's choice, zero without a teacher
+    lesson: Float[Array, " k"]  # the teacher's choice, or that of the best path; zero without either
+    elites: Elites | None  # the best paths, where it learns from them
     trace: Float[Array, ""]  # Tr(P) of the agent's belief when it decided
     stopped: Bool[Array, ""]  # it had nowhere to go: the end of its mission
     ended: Bool[Array, ""]  # it was the last of its team
@@ -65,9 +70,10 @@ def step(
     bank: Bank,
     environment: Environment,
     key: Key,
-    follow: Float[Array, ""] | None,
+    phase: Phase,
+    follow: float | Float[Array, ""],
 ) -> tuple[Environment, Transition]:
-    """One decision. With `follow`, the probability of doing as the teacher says, the teacher is asked; None: it is not.
+    """One decision. `follow` is the probability of doing as the teacher, or the search, says.
 
     The last agent to stop knows all measurements of a team without range limits: its trace is the final one.
     """
@@ -80,9 +86,14 @@ def step(
     decision, choice = planner.act(act_key, observation, memory)
     view, index = choice.view, choice.index
     lesson = jnp.zeros(view.allowed.shape, jnp.float32)
-    if follow is not None:
+    elites = None
+    if phase == "imitate":
         advice = teach(scenario, teach_key, observation, planner.counted(observation), view, plans[agent])
         lesson, plans = advice.choice.astype(jnp.float32), plans.at[agent].set(advice.plan)
+    elif phase == "search":
+        elites = find_elites(config, planner, teach_key, observation, choice)
+        lesson = jax.nn.one_hot(elites.index[0, 0], len(lesson)) * elites.taken[0, 0]
+    if phase != "reinforce":
         obey = jax.random.bernoulli(follow_key, follow) & view.allowed.any()
         taught = jax.random.categorical(pick_key, jnp.log(jnp.maximum(lesson, 1e-30))).astype(jnp.int32)
         index = jnp.where(obey, taught, index)
@@ -100,8 +111,9 @@ def step(
         memory=choice.memory,
         index=index,
         log_probability=choice.log_probability,
-        value=choice.value,
+        value=choice.insight.value,
         lesson=lesson,
+        elites=elites,
         trace=planner.interest.trace(observation.belief.mean, observation.belief.variance, observation.inside),
         stopped=~view.allowed.any(),
         ended=ended,
@@ -118,12 +130,13 @@ def roll_out(
     bank: Bank,
     environments: Environment,
     key: Key,
-    follow: Float[Array, ""] | None,
+    phase: Phase,
+    follow: float | Float[Array, ""],
 ) -> tuple[Environment, Transition]:
     """`config.events` decisions of each of a shard's missions; transitions have leading axes (events, missions)."""
 
     def event(environments: Environment, key: Key) -> tuple[Environment, Transition]:
         keys = jax.random.split(key, config.missions)
-        return jax.vmap(lambda e, k: step(config, scenario, planner, bank, e, k, follow))(environments, keys)
+        return jax.vmap(lambda e, k: step(config, scenario, planner, bank, e, k, phase, follow))(environments, keys)
 
     return lax.scan(event, environments, jax.random.split(key, config.events))

@@ -1,0 +1,59 @@
+"""Where a team whose radios do not reach across the area meets at the end, so that nobody's measurements are lost.
+
+All agents know one place without a word: the middle of the area. Whoever ends within half the communication range of
+it is heard by all others who do. On the way an agent may go wherever it can still be there in time.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.scenario import Scenario
+from maipp.typing import Array, Bool, Float
+
+# Ways on a roadmap are this much longer than straight ones (20 neighbours of 200 nodes: some 5 %), with some reserve.
+_DETOUR = 1.1
+
+
+class Rendezvous(NamedTuple):
+    """Where, and how near is near enough."""
+
+    place: tuple[float, float]  # domain units
+    radius: float  # domain units
+
+
+def rendezvous(scenario: Scenario) -> Rendezvous | None:
+    """The team's meeting at the end; None where everybody always hears everybody, or nobody else is there."""
+    if scenario.comm_range is None or scenario.agents < 2:
+        return None
+    width, height = scenario.extent
+    # Short of the half, so that rounding keeps nobody out.
+    return Rendezvous((width / 2, height / 2), 0.49 * scenario.comm_range)
+
+
+def spare(
+    meeting: Rendezvous, start: Float[Array, "2"], targets: Float[Array, "*k 2"], remaining: Float[Array, ""]
+) -> Float[Array, "*k"]:
+    """Budget left over, were the agent to go straight to the meeting from each target (domain units); negative: late.
+
+    A target beyond the remaining budget is reached only in part.
+    """
+    leg = targets - start
+    length = jnp.sqrt(jnp.sum(leg * leg, axis=-1))
+    travelled = jnp.minimum(length, remaining)
+    end = start + leg * (travelled / jnp.maximum(length, 1e-9))[..., None]
+    away = jnp.sqrt(jnp.sum((end - jnp.asarray(meeting.place)) ** 2, axis=-1))
+    return remaining - travelled - _DETOUR * jnp.maximum(away - meeting.radius, 0.0)
+
+
+def in_time(
+    meeting: Rendezvous,
+    start: Float[Array, "2"],
+    targets: Float[Array, "k 2"],
+    allowed: Bool[Array, " k"],
+    remaining: Float[Array, ""],
+) -> Bool[Array, " k"]:
+    """Of the allowed targets those from which the agent makes the meeting; the one nearest to it where none does."""
+    left = jnp.where(allowed, spare(meeting, start, targets, remaining), -jnp.inf)
+    # An agent that cannot be there in time still hurries: others may be later, too.
+    return allowed & (left >= jnp.minimum(jnp.max(left), 0.0))

@@ -1,0 +1,72 @@
+"""The meeting at the end: who is in time for it, and that teams keep it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maipp.planners.intent import IntentPlanner
+from maipp.planners.rendezvous import Rendezvous, in_time, rendezvous, spare
+from maipp.scenario import Scenario
+from maipp.simulator import draw_missions, run_missions
+from maipp.simulator.metrics import score_missions
+
+MEETING = Rendezvous((0.5, 0.4), 0.1)
+unit = st.floats(0, 1, width=32)
+
+
+def test_a_team_meets_in_the_middle_where_radios_do_not_reach():
+    meeting = rendezvous(Scenario(extent=(1.0, 0.8), comm_range=0.3))
+    assert meeting is not None and meeting.place == (0.5, 0.4)
+    assert 2 * meeting.radius < 0.3  # any two who are there hear each other
+    assert rendezvous(Scenario()) is None
+    assert rendezvous(Scenario(agents=1, comm_range=0.3)) is None
+
+
+@given(unit, unit, unit, unit, st.floats(0, 2, width=32))
+def test_whoever_has_budget_to_spare_ends_at_the_meeting(x, y, u, v, remaining):
+    start, target = np.array([x, y]), np.array([u, v])
+    left = float(
+        spare(MEETING, jnp.asarray(start, jnp.float32), jnp.asarray(target, jnp.float32), jnp.float32(remaining))
+    )
+    length = np.linalg.norm(target - start)
+    end = start + (target - start) * min(1.0, remaining / max(length, 1e-9))
+    away = np.linalg.norm(end - MEETING.place) - MEETING.radius
+    if left >= 0:  # straight there is affordable, and the detour of a roadmap too
+        assert min(length, remaining) + 1.1 * max(away, 0) <= remaining + 1e-4
+    else:
+        assert away > -1e-4
+
+
+@given(st.lists(st.tuples(unit, unit, st.booleans()), min_size=1, max_size=6), st.floats(0, 2, width=32))
+def test_only_targets_in_time_are_left_or_the_least_late_one(targets, remaining):
+    start = jnp.array([0.2, 0.9])
+    ends, allowed = jnp.array([t[:2] for t in targets]), jnp.array([t[2] for t in targets])
+    left = np.asarray(spare(MEETING, start, ends, jnp.float32(remaining)))
+    kept = np.asarray(in_time(MEETING, start, ends, allowed, jnp.float32(remaining)))
+    assert not (kept & ~np.asarray(allowed)).any()
+    assert kept.any() == bool(allowed.any())
+    possible = left[np.asarray(allowed)]
+    if (possible >= 0).any():
+        assert (left[kept] >= 0).all() and kept.sum() == (possible >= 0).sum()
+    elif len(possible):
+        assert (left[kept] == possible.max()).all()
+
+
+@pytest.mark.parametrize("meet", [True, False])
+def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
+    scenario = Scenario(agents=3, budget=1.6, grid=8, nodes=60, neighbours=10, comm_range=0.4)
+    missions = draw_missions(scenario, seed=4, instances=6, encodings=4)
+    planner = IntentPlanner(scenario, network=tiny, paths=2, steps=2, choose="sample", meet=meet)
+    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    ends = np.take_along_axis(np.asarray(states.route), np.asarray(states.route_length)[..., None, None] - 1, axis=2)
+    ends = ends[:, :, 0]
+    gaps = np.linalg.norm(ends[:, :, None] - ends[:, None], axis=-1).max(axis=(1, 2))
+    metrics = score_missions(scenario, missions, states)
+    same = np.isclose(metrics.own_trace, metrics.trace, rtol=1e-3)
+    if meet:
+        assert (gaps <= 0.4).all() and same.all()
+    else:
+        assert (gaps > 0.4).any() and not same.all()
