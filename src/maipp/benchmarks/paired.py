@@ -29,5 +29,5 @@ def paired(values: Float[np.ndarray, "instances trials"], reference: Float[np.nd
         return Paired(float(difference.mean()), None, None)
     se = float(difference.std(ddof=1) / math.sqrt(count))
     # Where nothing differs there is nothing to rank, and nothing to tell the two apart.
-    p = float(wilcoxon(difference).pvalue) if difference.any() else 1.0
+    p = float(wilcoxon(difference)[1]) if difference.any() else 1.0
     return Paired(float(difference.mean()), se, p)

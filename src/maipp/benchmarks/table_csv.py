@@ -28,9 +28,9 @@ def table_csv(table: TableSpec, lines: Sequence[Line]) -> str:
             about = [table.name, row.name, row.planner, options, scenario.agents, f"{budget:g}", where]
             about.append(f"{scenario.length_scale:g}")
             precision = np.float64 if result.machine.get("precision") == "float64" else np.float32
-            columns = [result.values[metric].astype(precision) for metric in metrics]
+            columns = [result.values[metric] for metric in metrics]
             for index in np.ndindex(columns[0].shape):
-                writer.writerow([*about, *index, *(_shortest(column[index]) for column in columns)])
+                writer.writerow([*about, *index, *(_shortest(precision(column[index])) for column in columns)])
     return out.getvalue()
 
 

@@ -14,7 +14,7 @@ from maipp.benchmarks.tables import TableSpec
 from maipp.files import atomic_path
 from maipp.viz.style import AGENT_COLOURS, GREY, LARGE, MEDIUM, SMALL, add_axes, new_figure
 
-_LEFT, _WIDTH, _GAP, _RIGHT, _TOP, _BOTTOM, _LINE = 2.2, 3.6, 0.2, 0.2, 0.75, 0.75, 0.24  # inches
+_LEFT, _WIDTH, _GAP, _RIGHT, _TOP, _BOTTOM, _LINE = 1.6, 3.6, 0.2, 0.2, 0.75, 0.75, 0.24  # inches
 
 
 def draw_table(table: TableSpec, lines: Sequence[Line]) -> Figure:
@@ -29,8 +29,9 @@ def draw_table(table: TableSpec, lines: Sequence[Line]) -> Figure:
         for line in lines:
             if line.part is part:
                 _draw_line(axes, table, line, names.index(line.row.name))
-        reach = part.scenario.comm_range
-        axes.set_title("global" if reach is None else f"range {reach:g}", fontsize=MEDIUM, loc="left", pad=4)
+        if len(parts) > 1:
+            reach = part.scenario.comm_range
+            axes.set_title("global" if reach is None else f"range {reach:g}", fontsize=MEDIUM, loc="left", pad=4)
         axes.set_xscale("log")
         axes.set_xlabel(METRICS[table.metric], fontsize=SMALL)
         axes.set(ylim=(len(names) - 0.5, -0.5), yticks=range(len(names)))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from maipp.benchmarks import paper
 from maipp.benchmarks.cells import CellResult
 from maipp.benchmarks.evaluate import summarise
+from maipp.benchmarks.machine import made_on, wall_time
 from maipp.benchmarks.paired import paired
 from maipp.benchmarks.planner_table import METRICS, mean_and_error
 from maipp.benchmarks.table_run import Line, Sample
@@ -35,13 +36,14 @@ def table_page(
     blocks.append(_notes(table, lines, sample))
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
-    blocks.append(f"```sh\n{command(table, sample, out, reference)}\n```")
-    blocks += [_made_on(lines), _wall_time(lines)]
+    blocks.append(f"```sh\n{command(table, lines, sample, out, reference)}\n```")
+    seconds = sum(result.wall_s for result in _results(lines))
+    blocks += [_made_on(lines), wall_time(seconds, "the cells above")]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def command(table: TableSpec, sample: Sample, out: str, reference: str) -> str:
-    """The command that fills the table."""
+def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
+    """The command that fills the table with these lines."""
     words = ["maipp", "benchmark", table.name, "--out", out]
     if sample[:2] == QUICK_SAMPLE[:2]:
         words.append("--quick")
@@ -49,29 +51,32 @@ def command(table: TableSpec, sample: Sample, out: str, reference: str) -> str:
         for name, given, usual in zip(Sample._fields[:2], sample, DEFAULT_SAMPLE, strict=False):
             words += [f"--{name}", str(given)] if given != usual else []
     words += ["--seed", str(sample.seed)] if sample.seed else []
+    rows = list(dict.fromkeys(line.row.name for line in lines))
+    words += ["--planners", *rows] if len(rows) < len(table.rows) else []
     words += ["--reference", reference] if reference != table.reference else []
     return shlex.join(words)
 
 
 def _main(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
     """The paper's number and ours, budget by budget."""
-    heading = ["planner", "in the paper"]
+    heading = ["row", "planner and options", "in the paper"]
     for budget in table.budgets:
         heading += [f"B = {budget:g}, paper", f"B = {budget:g}"]
     rows = []
     for line in lines:
         printed = line.part.printed.get(line.row.paper or "", {})
-        row = [_label(line, sample), line.row.paper if printed and line.row.paper else ""]
+        label = "" if line.row.label == f"`{line.row.name}`" else line.row.label
+        row = [_name(line, sample), label, line.row.paper if printed and line.row.paper else ""]
         for budget in table.budgets:
             row.append(f"{printed[budget].mean:.2f} ({printed[budget].std:.2f})" if budget in printed else "")
             row.append(_cell(line.results[budget], table.metric, std=True))
         rows.append(row)
-    return _markdown(heading, rows, left=2)
+    return _markdown(heading, rows, left=3)
 
 
 def _plain(table: TableSpec, metric: str, lines: Sequence[Line]) -> str:
-    rows = [[_label(line), *(_cell(line.results[b], metric) for b in table.budgets)] for line in lines]
-    return _markdown(["planner", *(f"B = {budget:g}" for budget in table.budgets)], rows)
+    rows = [[_name(line), *(_cell(line.results[b], metric) for b in table.budgets)] for line in lines]
+    return _markdown(["row", *(f"B = {budget:g}" for budget in table.budgets)], rows)
 
 
 def _half(table: TableSpec, lines: Sequence[Line]) -> str:
@@ -107,8 +112,8 @@ def _compared(table: TableSpec, part: Part, lines: Sequence[Line], reference: st
         test = paired(values, others)
         return _difference(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
 
-    rows = [[_label(line), *(cell(line, b) for b in table.budgets)] for line in lines if line is not base]
-    heading = ["planner", *(f"B = {budget:g}" for budget in table.budgets)]
+    rows = [[_name(line), *(cell(line, b) for b in table.budgets)] for line in lines if line is not base]
+    heading = ["row", *(f"B = {budget:g}" for budget in table.budgets)]
     title = f"{METRICS[table.metric]} minus that of `{reference}` on the same instances, {_missions(part)}:"
     return [title, _markdown(heading, rows)]
 
@@ -130,18 +135,8 @@ def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
 
 def _made_on(lines: Sequence[Line]) -> str:
     """Machines and versions, each once."""
-    made = (
-        f"{m['cpu']}, {m['cores']} cores, JAX on {m['backend']} ({m['devices']} devices), {m['precision']}, "
-        f"maipp {v['maipp']}, jax {v['jax']}, Python {v['python']}"
-        for m, v in ((result.machine, result.versions) for result in _results(lines))
-    )
+    made = (made_on(result.machine, result.versions) for result in _results(lines))
     return "Made on " + "; and on ".join(dict.fromkeys(made)) + "."
-
-
-def _wall_time(lines: Sequence[Line]) -> str:
-    """What it took; no number of the tables, and another one each time."""
-    seconds = sum(result.wall_s for result in _results(lines))
-    return f"*Wall time, which does not regenerate: {seconds / 60:.1f} minutes for the cells above.*"
 
 
 def _results(lines: Iterable[Line]) -> Iterable[CellResult]:
@@ -152,9 +147,10 @@ def _trials(line: Line) -> int:
     return next(iter(next(iter(line.results.values())).values.values())).shape[1]
 
 
-def _label(line: Line, sample: Sample | None = None) -> str:
+def _name(line: Line, sample: Sample | None = None) -> str:
+    """The row's name; with a sample, also how many missions it has where these are fewer."""
     fewer = sample is not None and _trials(line) != sample.trials
-    return line.row.label + (f" ({sample.instances} x {_trials(line)})" if fewer and sample else "")
+    return f"`{line.row.name}`" + (f" ({sample.instances} x {_trials(line)})" if fewer and sample else "")
 
 
 def _missions(part: Part) -> str:
@@ -165,7 +161,7 @@ def _missions(part: Part) -> str:
 
 def _cell(result: CellResult, metric: str, *, std: bool = False) -> str:
     summary = summarise(result.values[metric])
-    spread = f" ({summary.std:.2g})" if std and summary.std is not None else ""
+    spread = f" ({f'{summary.std:#.2g}'.rstrip('.')})" if std and summary.std is not None else ""
     return mean_and_error(summary.mean, summary.se) + spread
 
 

@@ -1,6 +1,5 @@
 """Filling a table: the cells that are not there yet, one after the other, each kept as soon as it is done."""
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,12 +80,6 @@ def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
             if len(results) == len(found):
                 lines.append(Line(row, part, results))
     return lines
-
-
-def scaled(table: TableSpec, **changes: object) -> TableSpec:
-    """The table on missions with these scenario fields changed: a small one to try things on."""
-    parts = tuple(dataclasses.replace(part, scenario=part.scenario.replace(**changes)) for part in table.parts)
-    return dataclasses.replace(table, parts=parts)
 
 
 def _progress(report: Report | None, one: Cell, number: int, count: int) -> Callable[[int, int], None] | None:
