@@ -1,8 +1,8 @@
 """The paths that an intent is fitted to, at one decision of one survey (Yang et al. 2023, Fig. 3)."""
 
-from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,15 +39,15 @@ def sampled_paths(scenario: Scenario, *, paths: int, steps: int, decision: int, 
     mission = jax.tree.map(lambda array: array[0], drawn)
     key = jax.random.fold_in(jax.random.key(seed), 0)
     state = reset(scenario, planner, mission)
-    advance = jax.jit(partial(step, scenario, planner))
+    advance = eqx.filter_jit(step)
     for _ in range(decision):
-        state = advance(mission, state, key)
+        state = advance(scenario, planner, mission, state, key)
     if not bool(state.active.any()):
         raise InputError(f"decision {decision}: the mission ends before; give a smaller number")
     state, agent, observation = turn(scenario, mission, state)
     memory = jax.tree.map(lambda array: array[agent], state.memory)
-    look = jax.jit(planner.trajectories)
-    nodes, taken = look(jax.random.fold_in(key, state.events), observation, memory)
+    look = eqx.filter_jit(IntentPlanner.trajectories)
+    nodes, taken = look(planner, jax.random.fold_in(key, state.events), observation, memory)
     assert observation.roadmap is not None
     return SampledPaths(
         np.asarray(observation.position),

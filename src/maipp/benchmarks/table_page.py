@@ -128,7 +128,7 @@ def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
         "Differences: mean ± standard error over instances (p of Wilcoxon's signed-rank test, two-sided)."
     ]
     fewer = {line.row.name: trials for line in lines if (trials := _trials(line)) != sample.trials}
-    words += [f"`{name}` has {trials} trial{'s' * (trials > 1)} only: it is dear." for name, trials in fewer.items()]
+    words += [f"`{name}` has {trials} trial{'s' * (trials > 1)} only, to save time." for name, trials in fewer.items()]
     words += [f"`{name}` is left out: {reason}." for name, reason in table.left_out.items()]
     return " ".join(words)
 

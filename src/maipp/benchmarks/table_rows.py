@@ -57,7 +57,7 @@ JOINT = Row("receding-horizon-joint", "receding-horizon", {"joint": True}, most_
 
 OURS = (
     Row("random", "random"),
-    Row("untrained", "ti-star", {"weights": "untrained"}),
+    Row("untrained", "ti-star", {"weights": "untrained"}, most_trials=3),
     Row("greedy", "greedy"),
     Row("shared-greedy", "shared-greedy"),
     Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
