@@ -71,11 +71,11 @@ def draw_stability(found: Sequence[Stability], title: str) -> Figure:
 def draw_intents(sampled: SampledPaths, extent: tuple[float, float]) -> Figure:
     """Destination and trajectory intent of the same sampled paths (Yang et al. 2023, Fig. 3)."""
     width, height = 3.2 * extent[0] / max(extent), 3.2 * extent[1] / max(extent)
-    figure = new_figure(_LEFT + 2 * width + 0.3 + _RIGHT, _BOTTOM + height + _TOP, dpi=160)
+    figure = new_figure(_LEFT + 2 * width + 0.3 + _RIGHT, _BOTTOM / 2 + height + _TOP, dpi=160)
     for number, (name, intent) in enumerate(
         (("Destination intent", sampled.destination), ("Trajectory intent", sampled.trajectory))
     ):
-        axes = add_axes(figure, _LEFT + number * (width + 0.3), _BOTTOM, width, height)
+        axes = add_axes(figure, _LEFT + number * (width + 0.3), _BOTTOM / 2, width, height)
         x, y = (np.linspace(0.0, side, _FINE) for side in extent)
         axes.contourf(x, y, _density(intent, x, y), levels=12, cmap="Blues", zorder=0)
         axes.plot(*sampled.nodes.T, ls="", marker=".", ms=2.0, color=GREY, alpha=0.6, zorder=1)
@@ -83,7 +83,9 @@ def draw_intents(sampled: SampledPaths, extent: tuple[float, float]) -> Figure:
             if not taken.any():
                 continue
             way, colour = np.concatenate([sampled.position[None], points[taken]]), agent_colour(path)
-            axes.plot(*way.T, color=colour, lw=1.2, marker="o", ms=3.0, path_effects=halo(2.0), zorder=2)
+            axes.plot(
+                *way.T, color=colour, ls=agent_line(path), lw=1.2, marker="o", ms=3.0, path_effects=halo(2.0), zorder=2
+            )
             axes.plot(*way[-1], ls="", marker="s", ms=5.0, mfc=colour, mec="black", mew=0.6, zorder=3)
         axes.plot(*sampled.position, ls="", marker="*", ms=11, mfc="white", mec="black", mew=0.8, zorder=4)
         axes.set(xlim=(0, extent[0]), ylim=(0, extent[1]))

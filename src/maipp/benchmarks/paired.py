@@ -1,7 +1,7 @@
 """Paired tests: two planners on the same worlds."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ def paired(values: Float[np.ndarray, "instances trials"], reference: Float[np.nd
     if count < 2:
         return Paired(float(difference.mean()), None, None)
     se = float(difference.std(ddof=1) / math.sqrt(count))
-    # Where nothing differs there is nothing to rank, and nothing to tell the two apart.
-    p = float(wilcoxon(difference)[1]) if difference.any() else 1.0
-    return Paired(float(difference.mean()), se, p)
+    if not difference.any():  # nothing to rank
+        return Paired(0.0, se, 1.0)
+    test: Any = wilcoxon(difference)
+    return Paired(float(difference.mean()), se, float(test.pvalue))

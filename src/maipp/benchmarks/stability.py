@@ -67,7 +67,7 @@ def stability_table(found: Sequence[Stability]) -> str:
     for one in found:
         unit = "measurements" if one.kind == "SGA+RRT" else "nodes"
         kl, trace = (_mean(values) for values in (one.divergence, one.trace))
-        rows.append(f"| {one.kind}, {one.length} {unit} | `{one.row.name}` | {kl} | {one.median:.3g} | {trace} |")
+        rows.append(f"| {one.kind}, {one.length} {unit} | `{one.row.name}` | {kl} | {_three(one.median)} | {trace} |")
     return "\n".join(rows)
 
 
@@ -94,12 +94,19 @@ def verdicts(found: Sequence[Stability]) -> str:
             f"paths of medium length ({best.length}) win" if kind == "TI" else f"the shortest paths ({best.length}) win"
         )
         lines.append(f"- {kind}: {name}: **{_verdict(gains)}** (Tr(P): {words}).")
+        if kind == "TI":
+            despite = _verdict([rises[0], *gains])
+            lines.append(f"- TI: paths of medium length win although their intents are less stable: **{despite}**.")
     return "\n".join(lines)
 
 
 def _mean(values: Float[np.ndarray, "instances 1"]) -> str:
     summary = summarise(values[np.isfinite(values[:, 0])])
     return mean_and_error(summary.mean, summary.se)
+
+
+def _three(value: float) -> str:
+    return f"{value:#.3g}".rstrip(".")
 
 
 def _paired_kl(more: Stability, less: Stability) -> Paired:
