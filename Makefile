@@ -31,8 +31,8 @@ lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
 	$(BIN)/ruff format --check src tests
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright
 
-bench: $(VENV)/.installed ## time the hot paths on one core
-	$(PIN) $(BIN)/python -m maipp.benchmarks.bench
+bench: $(VENV)/.installed ## time the hot paths on one core, beside the baseline (make bench BENCH=--strict)
+	$(PIN) $(BIN)/python -m maipp.benchmarks.bench $(BENCH)
 
 clean: ## remove the environment, caches and build products (out/ stays, but for the demo)
 	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo

@@ -1,6 +1,7 @@
 """Settings every test runs under. They must be in place before jax or maipp is first imported."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 CACHE = Path(__file__).parents[1] / ".cache" / "jax-tests"
@@ -27,6 +28,8 @@ from jaxtyping import install_import_hook  # noqa: E402
 # Shapes and types of every annotated signature in maipp are enforced while the tests run.
 install_import_hook("maipp", "beartype.beartype")
 
+TINY = {"agents": 2, "grid": 8, "nodes": 12, "neighbours": 4, "measurement_interval": 1.0}
+
 # No deadline: the first example of a test pays for compilation.
 settings.register_profile("maipp", deadline=None, max_examples=50, derandomize="CI" in os.environ)
 settings.load_profile("maipp")
@@ -41,3 +44,14 @@ def _room_for_compiled_code():
     if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
         jax.clear_caches()
     yield
+
+
+@pytest.fixture(scope="session")
+def tiny_table():
+    """Table IV of the benchmark with two ranges, two budgets, missions and rows that compile quickly."""
+    from maipp.benchmarks.tables import TABLES, Part
+
+    table = TABLES["table4"]
+    parts = tuple(Part(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
+    rows = tuple(row for row in table.rows if row.name in ("random", "greedy", "lawnmower"))
+    return replace(table, rows=rows, parts=parts, budgets=(2.0, 3.0), longest_budget=3.0, reference="greedy")

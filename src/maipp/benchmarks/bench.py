@@ -1,9 +1,14 @@
-"""`python -m maipp.benchmarks.bench`: time of a decision on one core, alone and in a batch (`make bench`)."""
+"""`python -m maipp.benchmarks.bench`: time of a decision on one core, alone and in a batch (`make bench`).
+
+The times are compared, as multiples of a fixed kernel, with those in `baseline.json`.
+"""
 
 import os
 import statistics
+import sys
 import timeit
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import tyro
@@ -11,8 +16,19 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from maipp.benchmarks.baseline import (
+    BASELINE,
+    Compared,
+    Hot,
+    compare,
+    kernel_seconds,
+    load_baseline,
+    save_baseline,
+    slower,
+)
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import use_all_cores
+from maipp.errors import InputError
 
 PLANNERS = ("lawnmower", "greedy", "shared-greedy", "sga-rrt", "receding-horizon")
 
@@ -41,6 +57,18 @@ class Bench:
 
     repeat: int = 3
     """repetitions of the batch, where it takes less than 40 s"""
+
+    baseline: Path = BASELINE
+    """file of the times to compare with"""
+
+    update: bool = False
+    """keep the times of this run as the baseline"""
+
+    strict: bool = False
+    """exit with code 1 where a time has grown beyond the tolerance"""
+
+    tolerance: float = 1.25
+    """growth of a time, as a multiple of the kernel's, that is still noise"""
 
 
 class Timing(NamedTuple):
@@ -93,8 +121,12 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     return Timing(name, alone.median, alone.p95, 1e3 * single_s, 1e6 * batch_s / decisions, 1e3 * batch_s / missions)
 
 
-def main(bench: Bench) -> None:
-    """Time the planners and print the table, and how SGA+RRT compares with the public implementation."""
+def main(bench: Bench) -> int:
+    """Time the planners, print the tables, compare with the baseline; 1 where --strict finds something slower.
+
+    Raises `InputError` for a bad baseline.
+    """
+    before = load_baseline(bench.baseline)
     pin_to_one_core()
     use_all_cores()
     from maipp.scenario import Scenario
@@ -106,14 +138,50 @@ def main(bench: Bench) -> None:
         f"{here['cpu']}, {here['cores']} core used, {here['backend']}, {here['precision']}, "
         f"jax {releases['jax']}, python {releases['python']}"
     )
-    timings = []
+    timings, hot = [], []
+    kernel_s = kernel_seconds()
     for name in bench.planner:
-        timings.append(time_planner(name, Scenario(), missions=missions, repeat=repeat))
+        timing = time_planner(name, Scenario(), missions=missions, repeat=repeat)
+        timings.append(timing)
         console.print(f"timed {name}", style="dim")
+        # The kernel before and after: a machine that grows busy meanwhile slows both.
+        previous, kernel_s = kernel_s, kernel_seconds()
+        hot += _hot_paths(timing, (previous + kernel_s) / 2)
     console.print(_table(timings, missions), width=None if console.is_terminal else 100)
     for timing in timings:
         if timing.planner == "sga-rrt":
             console.print(_against_public(timing))
+    rows = compare(hot, before)
+    console.print(_comparison(rows))
+    if bench.update:
+        save_baseline(hot, bench.baseline)
+        console.print(f"wrote {bench.baseline}")
+    grown = slower(rows, bench.tolerance)
+    for row in grown:
+        console.print(f"slower: {row.planner}, {row.path}: {row.change:.2f} times the baseline")
+    return int(bench.strict and bool(grown))
+
+
+def _hot_paths(timing: Timing, kernel_s: float) -> list[Hot]:
+    """What is compared of one planner's times."""
+    seconds = {
+        "decision": timing.decision_ms / 1e3,
+        "episode": timing.episode_ms / 1e3,
+        "batched decision": timing.batch_decision_us / 1e6,
+    }
+    return [Hot(timing.planner, path, time, kernel_s) for path, time in seconds.items()]
+
+
+def _comparison(rows: list[Compared]) -> Table:
+    table = Table(title="times as multiples of a fixed kernel; change: to the baseline", box=box.SIMPLE_HEAD)
+    for heading in ("planner", "path"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("multiple", "baseline", "change"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        known = ("-", "-") if row.before is None else (f"{row.before:.3g}", f"{row.change:.2f}")
+        table.add_row(row.planner, row.path, f"{row.multiple:.3g}", *known)
+    return table
 
 
 def _against_public(timing: Timing) -> str:
@@ -141,4 +209,8 @@ def _table(timings: list[Timing], missions: int) -> Table:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Bench, prog="python -m maipp.benchmarks.bench"))
+    try:
+        sys.exit(main(tyro.cli(Bench, prog="python -m maipp.benchmarks.bench")))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)

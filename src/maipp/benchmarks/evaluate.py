@@ -102,6 +102,7 @@ def evaluate(
     trials: int = 10,
     seed: int = 0,
     timing: bool = True,
+    longest_budget: float | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
@@ -110,6 +111,10 @@ def evaluate(
     and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
     this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
     as its extent, and its instances differ in the start only. `timing=False` saves one compilation.
+
+    `longest_budget` compiles for that budget, so that evaluations that differ in their budget alone share one
+    compilation: the numbers stay what they are up to rounding, short missions take longer. Only for planners that read
+    their budget from the observation; one that reads the scenario's would plan for the longest.
     Raises `InputError` for an unknown planner, a bad option, or a count below one.
     """
     _check_counts(instances=instances, trials=trials)
@@ -117,10 +122,13 @@ def evaluate(
         raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
     begun = time.perf_counter()
     scenario, field = _with_field(scenario)
-    planner = make_planner(planner_name, scenario, options)
+    shapes = scenario if longest_budget is None else scenario.replace(budget=longest_budget)
+    if longest_budget is not None and longest_budget < max(scenario.budgets):
+        raise InputError(f"longest_budget: {longest_budget:g} is below the scenario's {max(scenario.budgets):g}")
+    planner = make_planner(planner_name, shapes, options)
     missions = _draw(scenario, field, seed, instances, trials, planner)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-    metrics = _run_in_parts(scenario, planner, missions, key, progress)
+    metrics = _run_in_parts(shapes, planner, missions, key, progress)
     values = {
         field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
         for field in dataclasses.fields(Metrics)
@@ -134,7 +142,7 @@ def evaluate(
         seed=seed,
         values=values,
         message_bytes=message_bytes(planner),
-        decision_ms=decision_time(scenario, planner, missions, key) if timing else None,
+        decision_ms=decision_time(shapes, planner, missions, key) if timing else None,
         wall_s=time.perf_counter() - begun,
         machine=machine(),
         versions=versions(),
@@ -197,7 +205,7 @@ def _draw(
             encodings=encodings,
             field=field,
         )
-    any_budget = scenario.replace(budget=scenario.measurement_interval)
+    any_budget = scenario.replace(budget=scenario.measurement_interval, comm_range=None)  # neither shapes the worlds
     missions = _draw_once(any_budget, seed, instances, trials, roadmaps, encodings)
     budgets = jnp.broadcast_to(jnp.asarray(scenario.budgets), missions.budgets.shape)
     return dataclasses.replace(missions, budgets=budgets)

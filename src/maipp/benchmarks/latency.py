@@ -40,21 +40,25 @@ def _steps(scenario: Scenario, planner: Planner) -> tuple[Callable[..., Any], Ca
     return lambda *inputs: decide(arrays, *inputs), proceed
 
 
-def decision_seconds(
+def first_decision_seconds(
     scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, least: int = 50
-) -> Float[np.ndarray, " decisions"]:
-    """Wall time of every decision of the first missions of a batch, seconds, from observing to the waypoints.
+) -> tuple[float, Float[np.ndarray, " decisions"]]:
+    """Wall time of the very first decision, compilation included, and of every decision after compiling; seconds.
 
-    Missions are taken until `least` decisions are timed, at least one and at most the whole batch.
+    A decision lasts from observing to the waypoints. Missions are taken until `least` decisions are timed, at least
+    one and at most the whole batch.
     """
     decide, proceed = _steps(scenario, planner)
+    first = 0.0
     seconds: list[float] = []
     for i in range(missions.start.shape[0]):
         mission = jax.tree.map(lambda array, i=i: array[i], missions)
         mission_key = jax.random.fold_in(key, i)
         state = reset(scenario, planner, mission)
         if i == 0:
+            begun = time.perf_counter()
             jax.block_until_ready(decide(mission, state, mission_key))
+            first = time.perf_counter() - begun
         while bool(state.active.any()):
             jax.block_until_ready(state)
             begun = time.perf_counter()
@@ -63,7 +67,14 @@ def decision_seconds(
             state = proceed(mission, *decided)
         if len(seconds) >= least:
             break
-    return np.asarray(seconds)
+    return first, np.asarray(seconds)
+
+
+def decision_seconds(
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, least: int = 50
+) -> Float[np.ndarray, " decisions"]:
+    """Wall time of every decision of the first missions of a batch, seconds; see `first_decision_seconds`."""
+    return first_decision_seconds(scenario, planner, missions, key, least=least)[1]
 
 
 def decision_time(

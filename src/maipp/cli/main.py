@@ -26,6 +26,7 @@ class Command(NamedTuple):
 COMMANDS = {
     "plan": Command("Plan", True, "plan one survey, and write its record and figures"),
     "evaluate": Command("Evaluate", True, "score planners on held-out missions"),
+    "benchmark": Command("Benchmark", True, "regenerate the paper's tables and figures, and measure speed"),
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
     "planners": Command("Planners", True, "list the planners and their options"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),

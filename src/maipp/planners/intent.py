@@ -106,6 +106,15 @@ class IntentPlanner(PolicyPlanner):
         decision = Decision(target[None], self._fit(nodes, paths, best, stop), remembered, stop)
         return decision, Choice(situation, insight, memory.trajectory, index, paths, scores)
 
+    def trajectories(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Array, Array]:
+        """Positions (a, j, 2) of the paths that `act` samples with the same key, and which of them count (a, j)."""
+        nodes = jnp.asarray(roadmap_of(observation).nodes)
+        intent = fuse_intents(observation.messages, observation.heard & self.listen, nodes)
+        situation = self.situation(observation, observation.belief, intent)
+        path_key, _, first_key = jax.random.split(key, 3)
+        paths = self._sample(path_key, first_key, situation, self.look(situation, memory))
+        return nodes[paths.nodes], paths.taken
+
     @property
     def _ranks(self) -> bool:
         return self.choose == "best" or self.share == "best"

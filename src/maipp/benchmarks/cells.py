@@ -1,0 +1,119 @@
+"""One cell of a table: its missions run once, and kept in a file that says what made it."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maipp.benchmarks.evaluate import Evaluation, Progress, evaluate
+from maipp.benchmarks.fingerprint import planner_fingerprint
+from maipp.benchmarks.table_rows import Row
+from maipp.errors import InputError
+from maipp.files import write_atomic
+from maipp.planners import make_planner, planner_options
+from maipp.scenario import Scenario
+from maipp.typing import Float
+
+CELLS = "cells"  # folder of the files, below that of the run
+_FORMAT = "maipp-cell"
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """What a cell came to."""
+
+    values: Mapping[str, Float[np.ndarray, "instances trials"]]  # per metric; the fields of `Metrics`
+    wall_s: float
+    machine: Mapping[str, Any]
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The missions of one row at one budget."""
+
+    row: Row
+    scenario: Scenario
+    instances: int
+    trials: int
+    seed: int
+    longest_budget: float | None  # that it is compiled for; None: for its own
+
+    @property
+    def budget(self) -> float:
+        """Of each agent, domain units."""
+        return max(self.scenario.budgets)
+
+    @cached_property
+    def made_by(self) -> dict[str, Any]:
+        """Everything that decides the numbers, as plain JSON. Raises `InputError` for bad options or weights."""
+        planner = make_planner(self.row.planner, self.scenario, self.row.options)
+        made_by = {
+            "scenario": self.scenario.to_dict(),
+            "planner": self.row.planner,
+            "options": {option.name: getattr(planner, option.name) for option in planner_options(self.row.planner)},
+            "instances": self.instances,
+            "trials": self.trials,
+            "seed": self.seed,
+            "longest_budget": self.longest_budget,
+        }
+        return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
+
+    @property
+    def file(self) -> str:
+        """Name of its file. What was made differently has another name, so a stale file is never read."""
+        digest = hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:12]
+        return f"{self.row.name}.B{self.budget:g}.{digest}.json"
+
+    def load(self, folder: Path) -> CellResult | None:
+        """What was computed before; None where there is no such file, or one that is damaged."""
+        try:
+            document = json.loads((folder / CELLS / self.file).read_text(encoding="utf-8"))
+            if document["format"] != _FORMAT or document["made_by"] != self.made_by:
+                return None
+            values = {metric: np.asarray(rows, np.float64) for metric, rows in document["values"].items()}
+            if any(array.shape != (self.instances, self.trials) for array in values.values()):
+                return None
+            return CellResult(values, float(document["wall_s"]), document["machine"], document["versions"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def compute(self, progress: Progress | None = None) -> CellResult:
+        """Run the missions."""
+        result = evaluate(
+            self.scenario,
+            self.row.planner,
+            self.row.options,
+            instances=self.instances,
+            trials=self.trials,
+            seed=self.seed,
+            timing=False,
+            longest_budget=self.longest_budget,
+            progress=progress,
+        )
+        return _result(result)
+
+    def save(self, result: CellResult, folder: Path) -> None:
+        """Write the file, whole or not at all. Raises `InputError` where it cannot be written."""
+        try:
+            (folder / CELLS).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder / CELLS}: cannot be made: {error.strerror or error}") from error
+        document = {
+            "format": _FORMAT,
+            "made_by": self.made_by,
+            "wall_s": round(result.wall_s, 3),
+            "machine": dict(result.machine),
+            "versions": dict(result.versions),
+            "values": {metric: values.tolist() for metric, values in result.values.items()},
+        }
+        write_atomic(folder / CELLS / self.file, json.dumps(document, allow_nan=False) + "\n")
+
+
+def _result(evaluation: Evaluation) -> CellResult:
+    return CellResult(evaluation.values, evaluation.wall_s, evaluation.machine, evaluation.versions)

@@ -1,0 +1,67 @@
+"""The lines of the tables: which planner, with which options, under which name in the paper.
+
+A line more is one `Row` more in `OURS`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table."""
+
+    name: str  # unique, a word that can be typed and be a part of a file's name
+    planner: str
+    options: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's defaults
+    paper: str | None = None  # the paper's name of the method; None: not in the paper
+    most_trials: int | None = None  # fewer than asked for, where a trial is dear; the table says so
+    # Whether the planner takes its budget from the observation alone, so that one compilation serves all budgets.
+    one_compilation: bool = True
+
+    @property
+    def label(self) -> str:
+        """The planner and its options, as one would type them."""
+        return " ".join([f"`{self.planner}`", *(f"{key}={typed(value)}" for key, value in self.options.items())])
+
+
+def typed(value: Any) -> str:
+    """The value as one types it after `--set`."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(typed, value))
+    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
+
+
+def _rrt(low: float, high: float) -> Row:
+    return Row(f"sga-rrt-{low:g}", "sga-rrt", {"lengths": (low, high)}, f"SGA+RRT({low}, {high})")
+
+
+def intent_row(kind: str, steps: int) -> Row:
+    """DI(8, j) or TI(8, j): the intent of eight sampled paths of j nodes."""
+    return Row(f"{kind}-{steps}", kind, {"paths": 8, "steps": steps}, f"{kind.upper()}(8, {steps})")
+
+
+RRT_LONG, RRT_MEDIUM, RRT_SHORT = _rrt(0.9, 1.0), _rrt(0.6, 0.7), _rrt(0.3, 0.4)
+CATNIPP = Row("sga-catnipp", "sga-catnipp", paper="SGA+CAtNIPP")
+DI, TI = intent_row("di", 3), intent_row("ti", 5)
+# The paper ranks paths with the others standing still, and tells an intent fitted to all of them.
+TI_STAR = Row(
+    "ti-5-star",
+    "ti-star",
+    {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples"},
+    "TI(8, 5)*",
+)
+# It reads the scenario's budget where an agent has not planned yet: any that pays for its next legs is the same to it.
+JOINT = Row("receding-horizon-joint", "receding-horizon", {"joint": True}, most_trials=1)
+
+OURS = (
+    Row("random", "random"),
+    Row("untrained", "ti-star", {"weights": "untrained"}, most_trials=3),
+    Row("greedy", "greedy"),
+    Row("shared-greedy", "shared-greedy"),
+    Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
+    Row("ti-star", "ti-star"),
+    Row("receding-horizon", "receding-horizon"),
+    JOINT,
+)

@@ -1,0 +1,89 @@
+"""Filling a table: the cells that are not there yet, one after the other, each kept as soon as it is done."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from maipp.benchmarks.cells import Cell, CellResult
+from maipp.benchmarks.table_rows import Row
+from maipp.benchmarks.tables import Part, TableSpec
+from maipp.errors import InputError
+
+# Cell, its number among those to compute, how many these are, and its missions done.
+Report = Callable[[Cell, int, int, int], None]
+
+
+class Sample(NamedTuple):
+    """How many missions each cell has."""
+
+    instances: int = 30
+    trials: int = 10
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row of one part of a table, with what its cells came to by budget."""
+
+    row: Row
+    part: Part
+    results: dict[float, CellResult]  # by budget; every budget of the table
+
+
+def cell(table: TableSpec, part: Part, row: Row, budget: float, sample: Sample) -> Cell:
+    """The cell of a row at a budget."""
+    trials = min(sample.trials, row.most_trials or sample.trials)
+    longest = table.longest_budget if row.one_compilation else None
+    return Cell(row, part.scenario.replace(budget=budget), sample.instances, trials, sample.seed, longest)
+
+
+def cells(table: TableSpec, rows: Sequence[Row], sample: Sample) -> Iterator[Cell]:
+    """All cells of these rows, those that share a compilation next to each other."""
+    for part in table.parts:
+        for row in rows:
+            for budget in table.budgets:
+                yield cell(table, part, row, budget, sample)
+
+
+def share(every: Sequence[Cell], process: int, processes: int) -> list[Cell]:
+    """The cells of one of several processes, dealt out to and fro so that each gets long and short budgets.
+
+    Raises `InputError` for a process that is none of them.
+    """
+    if not 0 <= process < processes:
+        raise InputError(f"--process-id: {process} is none of {processes}; give 0 to {processes - 1}")
+    return [one for i, one in enumerate(every) if min(i % (2 * processes), ~i % (2 * processes)) == process]
+
+
+def fill(every: Sequence[Cell], folder: Path, report: Report | None = None) -> int:
+    """Compute and keep the cells that the folder lacks; gives how many these were.
+
+    An interrupt loses the cell it meets, no other. Raises `InputError` for a bad option before any work, and where a
+    file cannot be written.
+    """
+    missing = [one for one in every if one.load(folder) is None]
+    for number, one in enumerate(missing):
+        # Another process may have filled it since.
+        if one.load(folder) is None:
+            one.save(one.compute(_progress(report, one, number, len(missing))), folder)
+    return len(missing)
+
+
+def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
+    """The rows of a table of which the folder has every cell, made by the code and the weights of now."""
+    lines = []
+    for part in table.parts:
+        for row in table.rows:
+            found = {b: cell(table, part, row, b, sample).load(folder) for b in table.budgets}
+            results = {budget: result for budget, result in found.items() if result is not None}
+            if len(results) == len(found):
+                lines.append(Line(row, part, results))
+    return lines
+
+
+def _progress(report: Report | None, one: Cell, number: int, count: int) -> Callable[[int, int], None] | None:
+    if report is None:
+        return None
+    report(one, number, count, 0)
+    return lambda missions, _: report(one, number, count, missions)

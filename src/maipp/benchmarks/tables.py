@@ -1,0 +1,107 @@
+"""The four tables of the paper as data: which lines, on which missions, beside which printed numbers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from maipp.benchmarks import paper
+from maipp.benchmarks.table_rows import (
+    CATNIPP,
+    DI,
+    JOINT,
+    OURS,
+    RRT_LONG,
+    RRT_MEDIUM,
+    RRT_SHORT,
+    TI,
+    TI_STAR,
+    Row,
+    intent_row,
+)
+from maipp.errors import InputError
+from maipp.planners.options import unknown
+from maipp.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Part:
+    """The missions of a table that differ in their budget only, and what the paper prints for them."""
+
+    scenario: Scenario
+    printed: paper.Block
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """One table."""
+
+    name: str
+    title: str
+    rows: tuple[Row, ...]
+    parts: tuple[Part, ...]
+    budgets: tuple[float, ...]  # domain units
+    longest_budget: float  # that lines are compiled for which need but one compilation
+    metric: str = "trace"  # that the paper prints, a field of `Metrics`
+    beside: tuple[str, ...] = ("true_trace", "rmse")  # further ones that are tabulated
+    reference: str = TI_STAR.name  # the line that the others are paired with
+    left_out: Mapping[str, str] = field(default_factory=dict)  # lines of other tables that this one lacks, and why
+
+    def chosen(self, names: Sequence[str]) -> tuple[Row, ...]:
+        """The lines of these names, or of the planners of these names; all of them for none.
+
+        Raises `InputError` for a name that no line has.
+        """
+        for name in names:
+            if not any(name in (row.name, row.planner) for row in self.rows):
+                raise InputError(f"--planners: {unknown('row', name, [row.name for row in self.rows])}")
+        return tuple(row for row in self.rows if not names or row.name in names or row.planner in names)
+
+
+_THREE = Scenario(agents=3)
+_TEN = Scenario(agents=10, length_scale=0.25)
+
+# All tables of three agents are compiled for B = 5: what one has computed, the others find done.
+TABLES = {
+    table.name: table
+    for table in (
+        TableSpec(
+            "table1",
+            "Table I: three agents, global communication",
+            (RRT_LONG, RRT_MEDIUM, RRT_SHORT, CATNIPP, DI, TI, TI_STAR, *OURS),
+            (Part(_THREE, paper.TABLE_1),),
+            (2.0, 3.0, 4.0, 5.0),
+            longest_budget=5.0,
+        ),
+        TableSpec(
+            "table2",
+            "Table II: ten agents, length scale 0.25",
+            (RRT_SHORT, CATNIPP, DI, TI_STAR, *(row for row in OURS if row is not JOINT)),
+            (Part(_TEN, paper.TABLE_2),),
+            (2.0, 3.0, 4.0),
+            longest_budget=4.0,
+            left_out={JOINT.name: "planning ten agents together costs twenty searches at every decision"},
+        ),
+        TableSpec(
+            "table3",
+            "Table III: nodes of the paths that an intent is fitted to",
+            (*(intent_row(kind, steps) for kind in ("di", "ti") for steps in (3, 6, 9)), *OURS),
+            (Part(_THREE, paper.TABLE_3),),
+            (3.0, 4.0),
+            longest_budget=5.0,
+            reference="ti-6",
+        ),
+        TableSpec(
+            "table4",
+            "Table IV: limited communication",
+            (RRT_SHORT, CATNIPP, DI, TI_STAR, *OURS),
+            (
+                Part(_THREE.replace(comm_range=0.3), paper.TABLE_4_NEAR),
+                Part(_THREE.replace(comm_range=0.6), paper.TABLE_4_FAR),
+                Part(_THREE, paper.TABLE_4_GLOBAL),
+            ),
+            (2.0, 3.0, 4.0),
+            longest_budget=5.0,
+            metric="own_trace",
+            beside=("trace", "true_trace", "rmse"),
+        ),
+    )
+}

@@ -1,0 +1,64 @@
+"""Tr(P) as a function of the distance that each agent has travelled."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jax import lax
+
+from maipp.benchmarks.table_rows import Row, typed
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, State, draw_missions, run_missions
+from maipp.simulator.engine import time_tolerance
+from maipp.simulator.metrics import trace_over_time
+from maipp.typing import Array, Float
+
+
+class Curve(NamedTuple):
+    """What one planner leaves on the way."""
+
+    row: Row
+    distance: Float[np.ndarray, " d"]  # travelled by each agent, domain units
+    trace: Float[np.ndarray, "instances d"]  # Tr(P) of the pooled belief, mean over trials
+
+
+def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> Curve:
+    """The curve of a row, from its missions: one per instance.
+
+    All agents have speed 1 here, so the distance that an agent on its way has travelled is the time.
+    """
+    planner = make_planner(row.planner, scenario, row.options)
+    missions = draw_missions(
+        scenario,
+        seed=seed,
+        instances=instances,
+        roadmaps=planner.uses_roadmap,
+        encodings=planner.encoding_dimensions,
+    )
+    states = run_missions(scenario, planner, missions, jax.random.key(seed))
+    distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval
+    # Times are sums of float32 legs: each instant includes all of its own measurements.
+    traces = _traces(scenario, missions, states, distance + time_tolerance(scenario))
+    return Curve(row, distance, np.asarray(traces, np.float64))
+
+
+@partial(jax.jit, static_argnums=0)
+def _traces(
+    scenario: Scenario, missions: Mission, states: State, times: Float[Array, " d"]
+) -> Float[Array, "instances d"]:
+    return lax.map(lambda pair: trace_over_time(scenario, pair[0], pair[1], times), (missions, states))
+
+
+def curves_csv(curves: Sequence[Curve]) -> str:
+    """Tidy CSV: a line for each row, instance and distance."""
+    lines = ["row,planner,options,instance,distance,trace"]
+    for curve in curves:
+        options = " ".join(f"{key}={typed(value)}" for key, value in curve.row.options.items())
+        options = f'"{options}"' if "," in options else options
+        for instance, traces in enumerate(curve.trace):
+            about = f"{curve.row.name},{curve.row.planner},{options},{instance}"
+            lines += [f"{about},{d:g},{np.float32(t)}" for d, t in zip(curve.distance, traces, strict=True)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,45 @@
+"""`maipp benchmark NAME`: the paper's tables and figures, and ours, each by one command."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import tyro
+
+from maipp.cli import benchmark_figures, benchmark_latency, benchmark_report, benchmark_table
+from maipp.cli.benchmark_figures import Figures
+from maipp.cli.benchmark_latency import Latency
+from maipp.cli.benchmark_report import Report
+from maipp.cli.benchmark_table import Table1, Table2, Table3, Table4
+
+_Named = (
+    Annotated[Table1, tyro.conf.subcommand("table1")]
+    | Annotated[Table2, tyro.conf.subcommand("table2")]
+    | Annotated[Table3, tyro.conf.subcommand("table3")]
+    | Annotated[Table4, tyro.conf.subcommand("table4")]
+    | Annotated[Figures, tyro.conf.subcommand("figures")]
+    | Annotated[Latency, tyro.conf.subcommand("latency")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
+)
+
+_RUN: dict[type, Callable[[Any], int]] = {
+    Table1: benchmark_table.run,
+    Table2: benchmark_table.run,
+    Table3: benchmark_table.run,
+    Table4: benchmark_table.run,
+    Figures: benchmark_figures.run,
+    Latency: benchmark_latency.run,
+    Report: benchmark_report.run,
+}
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Regenerate the tables and figures of the paper, and measure how fast planners are."""
+
+    name: tyro.conf.OmitArgPrefixes[tyro.conf.OmitSubcommandPrefixes[_Named]]
+
+
+def run(flags: Benchmark) -> int:
+    """Run the benchmark of that name; gives its exit code."""
+    return _RUN[type(flags.name)](flags.name)

@@ -1,0 +1,55 @@
+"""`maipp benchmark latency`: how long planners think, one decision at a time on one core and in batches."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from maipp.benchmarks.latency_files import LatencyPlan, write_latency
+from maipp.benchmarks.tables import TABLES
+from maipp.errors import InputError
+from maipp.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Time single decisions on one core (median, p95, p99, compilation apart), and batches on all devices."""
+
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """folder to write to; made if need be"""
+
+    planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
+    """rows of table1 to time; left out: all"""
+
+    agents: int = 3
+    """robots in the team"""
+
+    budget: float = 3.0
+    """length of path each agent may travel, domain units"""
+
+    decisions: int = 300
+    """single decisions to time, at least"""
+
+    batch: int = 64
+    """missions run together"""
+
+    seed: int = 0
+    """seed of the worlds"""
+
+
+def run(flags: Latency) -> int:
+    """Time every row. Raises `InputError` for what is wrong."""
+    for name in ("decisions", "batch"):
+        if getattr(flags, name) < 1:
+            raise InputError(f"--{name}: {getattr(flags, name)} is not a number of them; give a whole number >= 1")
+    if flags.seed < 0:
+        raise InputError(f"--seed: {flags.seed} is negative; give a whole number >= 0")
+    rows = TABLES["table1"].chosen(flags.planners)
+    scenario = Scenario(agents=flags.agents, budget=flags.budget)
+    plan = LatencyPlan(scenario, rows, flags.decisions, flags.batch, flags.seed)
+    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    for path in write_latency(plan, flags.out, told=notes.print):
+        print(f"wrote {path}")
+    return 0

@@ -1,0 +1,148 @@
+"""`maipp benchmark table1` to `table4`: the paper's tables, with baselines that they lack."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from maipp.benchmarks.cells import Cell
+from maipp.benchmarks.table_files import write_table
+from maipp.benchmarks.table_run import Sample, cells, fill, share
+from maipp.benchmarks.tables import TABLES, TableSpec
+from maipp.errors import InputError
+from maipp.planners.options import unknown
+
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class TableFlags:
+    """Fill a table, or go on filling it; the same command again computes only what is missing."""
+
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """folder to write to; made if need be. What is computed there already is kept"""
+
+    quick: bool = False
+    """30 instances x 1 trial"""
+
+    instances: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 30)")] = None
+    """worlds (ground truth and start)"""
+
+    trials: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 10)")] = None
+    """runs per world, each with fresh roadmaps and fresh randomness"""
+
+    seed: int = 0
+    """seed of the worlds"""
+
+    planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
+    """rows to compute, by their own name or their planner's; left out: all"""
+
+    reference: Annotated[str | None, tyro.conf.arg(metavar="ROW", help_behavior_hint="")] = None
+    """row that the others are paired with; left out: the table's own"""
+
+    process_id: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """number of this process, from 0, where several fill one folder; then only cells are written"""
+
+    processes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """processes in all"""
+
+    table: ClassVar[str]
+
+
+@dataclass(frozen=True)
+class Table1(TableFlags):
+    """Table I: three agents, budgets 2 to 5."""
+
+    table: ClassVar[str] = "table1"
+
+
+@dataclass(frozen=True)
+class Table2(TableFlags):
+    """Table II: ten agents, budgets 2 to 4."""
+
+    table: ClassVar[str] = "table2"
+
+
+@dataclass(frozen=True)
+class Table3(TableFlags):
+    """Table III: intents over paths of 3, 6 and 9 nodes, budgets 3 and 4."""
+
+    table: ClassVar[str] = "table3"
+
+
+@dataclass(frozen=True)
+class Table4(TableFlags):
+    """Table IV: communication ranges 0.3, 0.6 and global, budgets 2 to 4."""
+
+    table: ClassVar[str] = "table4"
+
+
+def run(flags: TableFlags) -> int:
+    """Fill the table and write its files; gives 130 when interrupted. Raises `InputError` for what is wrong."""
+    table = TABLES[flags.table]
+    sample = _sample(flags)
+    every = list(cells(table, table.chosen(flags.planners), sample))
+    reference = flags.reference or table.reference
+    if reference not in [row.name for row in table.rows]:
+        raise InputError(f"--reference: {unknown('row', reference, [row.name for row in table.rows])}")
+    if (flags.process_id is None) != (flags.processes is None):
+        raise InputError("--process-id and --processes: only one is given; give both, or neither")
+    if flags.processes is not None and flags.process_id is not None:
+        every = share(every, flags.process_id, flags.processes)
+    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    try:
+        computed = _fill(table, every, flags.out, sample, notes)
+    except KeyboardInterrupt:
+        notes.print("interrupted; the same command goes on with the cells that are missing")
+        return INTERRUPTED
+    notes.print(f"{len(every)} cells: {computed} computed, {len(every) - computed} found in {flags.out}")
+    if flags.processes is not None:
+        return 0
+    for path in write_table(table, flags.out, sample, reference):
+        print(f"wrote {path}")
+    return 0
+
+
+def _sample(flags: TableFlags) -> Sample:
+    """How many missions. Raises `InputError` where the flags contradict each other."""
+    if flags.quick and (flags.instances, flags.trials) != (None, None):
+        raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")
+    for name in ("instances", "trials"):
+        count = getattr(flags, name)
+        if count is not None and count < 1:
+            raise InputError(f"--{name}: {count} is not a number of {name}; give a whole number >= 1")
+    if flags.seed < 0:
+        raise InputError(f"--seed: {flags.seed} is negative; give a whole number >= 0")
+    trials = 1 if flags.quick else 10
+    return Sample(flags.instances or 30, flags.trials or trials, flags.seed)
+
+
+def _fill(table: TableSpec, every: list[Cell], folder: Path, sample: Sample, notes: Console) -> int:
+    """Compute what is missing, with a bar, or a line for each cell where there is no terminal."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("cells"),
+        TimeElapsedColumn(),
+        console=notes,
+        disable=not notes.is_terminal,
+    ) as bar:
+        task = bar.add_task(table.name, total=None)
+
+        def report(cell: Cell, number: int, count: int, missions: int) -> None:
+            """Show where the work is."""
+            done = missions / (cell.instances * cell.trials)
+            bar.update(task, total=count, completed=number + done, description=_words(cell))
+            if not notes.is_terminal and missions == 0:
+                notes.print(f"cell {number + 1} of {count}: {_words(cell)}")
+
+        return fill(every, folder, report)
+
+
+def _words(cell: Cell) -> str:
+    reach = "" if cell.scenario.comm_range is None else f", range {cell.scenario.comm_range:g}"
+    return f"{cell.row.name}, budget {cell.budget:g}{reach}"

@@ -1,0 +1,61 @@
+"""The baseline compares multiples of a kernel, so that a machine twice as fast changes nothing."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maipp.benchmarks.baseline import BASELINE, Hot, compare, kernel_seconds, load_baseline, save_baseline, slower
+from maipp.benchmarks.bench import PLANNERS
+from maipp.errors import InputError
+
+FOUND = [Hot("greedy", "decision", 0.002, 0.001), Hot("greedy", "episode", 0.03, 0.001)]
+
+
+@pytest.fixture
+def kept(tmp_path):
+    save_baseline(FOUND, tmp_path / "baseline.json")
+    return load_baseline(tmp_path / "baseline.json")
+
+
+@given(st.floats(0.01, 100.0))
+def test_the_speed_of_the_machine_cancels(speed):
+    baseline = {"multiples": {"greedy": {"decision": 2.0, "episode": 30.0}}}
+    rows = compare([Hot(h.planner, h.path, h.seconds * speed, h.kernel_s * speed) for h in FOUND], baseline)
+    assert [row.change for row in rows] == pytest.approx([1.0, 1.0])
+    assert slower(rows, 1.01) == []
+
+
+def test_what_grew_is_told(kept):
+    rows = compare([Hot("greedy", "decision", 0.003, 0.001), Hot("random", "decision", 1.0, 0.001)], kept)
+    assert [(row.planner, row.change) for row in rows] == [("greedy", pytest.approx(1.5)), ("random", None)]
+    assert [row.planner for row in slower(rows, 1.25)] == ["greedy"]
+    assert slower(rows, 1.6) == []
+
+
+def test_an_update_keeps_what_was_not_timed(tmp_path, kept):
+    path = tmp_path / "baseline.json"
+    save_baseline([Hot("greedy", "decision", 0.004, 0.001), Hot("random", "decision", 0.001, 0.001)], path)
+    assert load_baseline(path)["multiples"] == {
+        "greedy": {"decision": 4.0, "episode": 30.0},
+        "random": {"decision": 1.0},
+    }
+
+
+def test_no_file_is_an_empty_baseline_and_another_file_none(tmp_path):
+    assert load_baseline(tmp_path / "none.json")["multiples"] == {}
+    for text, problem in (("{", "cannot be read"), ("[]", "not a baseline")):
+        (tmp_path / "other.json").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=problem):
+            load_baseline(tmp_path / "other.json")
+
+
+def test_the_kernel_takes_time():
+    assert kernel_seconds(repeat=1) > 0
+
+
+def test_the_one_in_the_repository_has_every_planner_that_is_timed():
+    multiples = json.loads(BASELINE.read_text(encoding="utf-8"))["multiples"]
+    assert set(PLANNERS) <= set(multiples)
+    assert all(set(paths) == {"decision", "episode", "batched decision"} for paths in multiples.values())
