@@ -54,8 +54,8 @@ def test_every_planner_has_its_section_and_its_line():
     overview = {cells[0].strip("`"): cells for cells in rows(PLANNERS.partition("\n## ")[0])}
     assert list(overview) == list(planner_names())
     for name, (_, moves, _, keeps_out) in overview.items():
-        roadmap = planner_class(name).uses_roadmap
-        assert (moves == "on a roadmap") == roadmap and (keeps_out == "yes") == roadmap
+        bound = planner_class(name).avoids_obstacles
+        assert (moves == "on a roadmap") == bound and (keeps_out == "yes") == bound
 
 
 @pytest.mark.parametrize("name", planner_names())

@@ -31,6 +31,15 @@ QUICK = {
     "di": {"weights": "untrained", "choose": "sample", "paths": 3, "steps": 2},
     "ti": {"weights": "untrained", "choose": "sample", "paths": 3, "steps": 2},
     "ti-star": {"weights": "untrained", "paths": 3, "steps": 2},
+    "intent-search": {
+        "weights": "untrained",
+        "paths": 3,
+        "nodes": 2,
+        "horizon": 2,
+        "candidates": 16,
+        "elites": 2,
+        "steps": 3,
+    },
 }
 VARIANTS = {"receding-horizon joint": ("receding-horizon", QUICK["receding-horizon"] | {"joint": True, "sweeps": 1})}
 CASES = {name: (name, QUICK.get(name, {})) for name in planner_names()} | VARIANTS
@@ -68,7 +77,7 @@ def routes(states):
             yield b, agent, states.route[b, agent, :count].astype(np.float64), states.route_time[b, agent, :count]
 
 
-ROADMAP = [name for name, (registered, _) in CASES.items() if planner_class(registered).uses_roadmap]
+ROADMAP = [name for name, (registered, _) in CASES.items() if planner_class(registered).avoids_obstacles]
 # Obstacles are for roadmaps; one survey shows that a variant runs.
 PAIRS = [
     (name, setting)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.rendezvous import Rendezvous, in_time, rendezvous, spare
+from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous, spare
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
 from maipp.simulator.metrics import score_missions
@@ -55,18 +56,48 @@ def test_only_targets_in_time_are_left_or_the_least_late_one(targets, remaining)
         assert (left[kept] == possible.max()).all()
 
 
+@given(st.lists(st.tuples(unit, unit), min_size=2, max_size=2), st.floats(0.03125, 0.625, width=32))
+def test_a_plan_in_the_plane_is_late_by_what_its_worst_leg_lacks(moves, remaining):
+    start, steps = np.array([0.1, 0.2]), np.array([0.15, 0.2])
+    ends = start + np.cumsum(0.2 * (np.array(moves) - 0.5), axis=0)
+    at, worst = start, 0.0
+    left = remaining
+    for end, step in zip(ends, steps, strict=True):
+        share = min(1.0, left / step)
+        at, left = at + share * (end - at), max(0.0, left - step)
+        worst = max(worst, np.linalg.norm(at - MEETING.place) - MEETING.radius - left)
+    late = lateness(MEETING, *map(lambda a: jnp.asarray(a, jnp.float32), (start, ends, steps, remaining)))
+    assert float(late) == pytest.approx(max(worst, 0.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["receding-horizon", "intent-search"])
+def test_planners_in_the_plane_keep_the_meeting(name):
+    scenario = Scenario(agents=3, budget=1.2, grid=10, nodes=40, neighbours=8, comm_range=0.4)
+    options = {"horizon": 3, "candidates": 48, "elites": 4, "steps": 12}
+    options |= {"weights": "untrained", "paths": 4, "nodes": 3} if name == "intent-search" else {}
+    planner = make_planner(name, scenario, options)
+    missions = draw_missions(scenario, seed=4, instances=4, encodings=planner.encoding_dimensions)
+    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    assert (gaps(states) <= 0.4).all()
+
+
+def gaps(states):
+    """The largest distance between two agents at the end of each mission."""
+    ends = np.take_along_axis(np.asarray(states.route), np.asarray(states.route_length)[..., None, None] - 1, axis=2)
+    ends = ends[:, :, 0]
+    return np.linalg.norm(ends[:, :, None] - ends[:, None], axis=-1).max(axis=(1, 2))
+
+
 @pytest.mark.parametrize("meet", [True, False])
 def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
     scenario = Scenario(agents=3, budget=1.6, grid=8, nodes=60, neighbours=10, comm_range=0.4)
     missions = draw_missions(scenario, seed=4, instances=6, encodings=4)
     planner = IntentPlanner(scenario, network=tiny, paths=2, steps=2, choose="sample", meet=meet)
     states = run_missions(scenario, planner, missions, jax.random.key(0))
-    ends = np.take_along_axis(np.asarray(states.route), np.asarray(states.route_length)[..., None, None] - 1, axis=2)
-    ends = ends[:, :, 0]
-    gaps = np.linalg.norm(ends[:, :, None] - ends[:, None], axis=-1).max(axis=(1, 2))
+    apart = gaps(states)
     metrics = score_missions(scenario, missions, states)
     same = np.isclose(metrics.own_trace, metrics.trace, rtol=1e-3)
     if meet:
-        assert (gaps <= 0.4).all() and same.all()
+        assert (apart <= 0.4).all() and same.all()
     else:
-        assert (gaps > 0.4).any() and not same.all()
+        assert (apart > 0.4).any() and not same.all()

@@ -20,8 +20,8 @@ from maipp.training.search import find_elites, surprise
 from maipp.training.worlds import agent_roadmap, mission_of
 
 CONFIG = TrainConfig(
-    agents=2, budget=(0.6, 0.8), bank=2, shards=1, missions=2, events=6, epochs=1, minibatch=12, paths=2, steps=2,
-    search=2, search_paths=6, search_steps=3, elites=2, updates=2, learning_rate=1e-3,
+    agents=2, budget=(0.6, 0.8), bank=2, shards=1, missions=2, events=6, epochs=1, minibatch=12, paths=2, steps=3,
+    search=2, search_paths=6, elites=2, updates=2, learning_rate=1e-3,
 )  # fmt: skip
 
 

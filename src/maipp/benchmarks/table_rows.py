@@ -63,5 +63,6 @@ OURS = (
     Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
     Row("ti-star", "ti-star"),
     Row("receding-horizon", "receding-horizon"),
+    Row("intent-search", "intent-search"),
     JOINT,
 )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from maipp.belief import Belief, extend
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Observation
-from maipp.typing import Array, Float
+from maipp.typing import Array, Bool, Float
 
 
 class Announcement(NamedTuple):
@@ -22,11 +22,22 @@ def nothing_announced(count: int) -> Announcement:
     return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf, jnp.result_type(float)))
 
 
-def with_announced(observation: Observation, announced: Announcement, virtual_value: str) -> Belief:
+def latest(heard: Bool[Array, " m"], new: Announcement, old: Announcement) -> Announcement:
+    """The new announcements of the agents heard, the old ones of the others; leading axis m."""
+    return Announcement(
+        jnp.where(heard[:, None, None], new.points, old.points), jnp.where(heard[:, None], new.times, old.times)
+    )
+
+
+def with_announced(
+    observation: Observation, announced: Announcement, virtual_value: str, recall: bool = False
+) -> Belief:
     """The agent's belief with the heard agents' future measurements added as virtual ones.
 
-    `announced` has a leading axis m. Measurements whose time has passed are known for real by whoever hears them.
+    `announced` has a leading axis m. Measurements whose time has passed are known for real by whoever hears them. With
+    `recall` those of agents out of range count too, past ones as well: nobody has told their values yet.
     """
     future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
-    valid = future & jnp.isfinite(announced.times) & observation.heard[:, None]
+    counts = jnp.where(observation.heard[:, None], future, recall)
+    valid = counts & jnp.isfinite(announced.times)
     return extend(observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value)

@@ -38,7 +38,6 @@ class IntentPlanner(PolicyPlanner):
 
     paths: int = eqx.field(static=True, default=8)  # trajectories sampled per decision: a
     steps: int = eqx.field(static=True, default=5)  # nodes of each: j
-    hottest: float = eqx.field(static=True, default=0.0)  # temperature that the last path is sampled at; 0: as all
     distinct: bool = eqx.field(static=True, default=False)  # the paths' first steps differ, as far as they can
     # Told of each path: all its nodes (TI), or its last one (DI).
     intent: Literal["trajectory", "destination"] = eqx.field(static=True, default="trajectory")
@@ -57,9 +56,8 @@ class IntentPlanner(PolicyPlanner):
         for name in ("paths", "steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
-        for name in ("spread", "hottest"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name}={getattr(self, name)}: give a number >= 0")
+        if not self.spread >= 0:
+            raise InputError(f"spread={self.spread}: give a number >= 0")
 
     def empty_message(self) -> PyTree:
         """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
@@ -94,7 +92,6 @@ class IntentPlanner(PolicyPlanner):
             paths=self.paths,
             steps=self.steps,
             reencode=self.mode == "reencode",
-            hottest=self.hottest or None,
             distinct=self.distinct,
         )
         scores = self._scores(observation, situation, paths) if self._ranks else None

@@ -11,6 +11,7 @@ from maipp.errors import InputError
 from maipp.planners.headings import walk, walk_bent
 from maipp.planners.lookahead import predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
+from maipp.planners.rendezvous import lateness, rendezvous
 from maipp.simulator.decision import Planner
 from maipp.typing import Array, Bool, Float, Int, Key
 
@@ -19,6 +20,9 @@ _BORDER = 0.15
 
 # Powers of the inverse plastic number: multiples of them fill a plane evenly (Roberts 2018, the R2 sequence).
 _LATTICE = (0.7548776662, 0.5698402910)
+
+# A plan that comes this far too late to the meeting, inverse domain units, is worth half.
+_LATE = 50.0
 
 # How far from a measurement it still tells of a point, in length scales.
 _NEAR = 0.6
@@ -35,6 +39,8 @@ class LegPlanner(Planner):
     spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
     blur: float = eqx.field(static=True, default=0.02)  # smoothing of the area's border, field units
     points: int = eqx.field(static=True, default=225)  # grid points that the search looks at
+    meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
+    recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on what was last heard
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
@@ -63,13 +69,19 @@ class LegPlanner(Planner):
         steps: Float[Array, " h"],
         affordable: Bool[Array, " h"],
         known: Float[Array, " q"] | None = None,
+        *,
+        remaining: Float[Array, ""] | None = None,
+        proposals: Float[Array, "p h 2"] | None = None,
     ) -> Finalists:
         """The best plans found for one agent, given what the belief already counts as measured.
 
         `last` is the plan to begin from: headings (h,), radians, for straight legs, or displacements (h, 2), units of
         a leg, for legs that may bend; the plans returned are of the same form. `known` is the variance that measured
-        values leave, where the belief counts some as measured whose values are not known yet.
+        values leave, where the belief counts some as measured whose values are not known yet. With a limited range,
+        plans that miss the meeting at the end are worth less, if `remaining` (domain units) tells when that is.
+        `proposals` are plans to try besides random ones.
         """
+        meeting = rendezvous(self.scenario) if self.meet else None
         known = belief.variance if known is None else known
         ends = walk_bent if last.ndim == 2 else walk
         reach = jnp.sum(jnp.where(affordable, steps, 0.0))
@@ -81,9 +93,12 @@ class LegPlanner(Planner):
         ) -> Float[Array, " c"]:
             points = ends(position, plans, steps, self.scenario.extent)
             taken = jnp.broadcast_to(affordable, points.shape[:-1])
-            return self.expected(
+            left = self.expected(
                 *predicted(belief, points, taken, virtual_value=self.scenario.virtual_value), known, inside
             )
+            if meeting is None or remaining is None:
+                return left
+            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining))
 
         return search(
             key,
@@ -91,6 +106,7 @@ class LegPlanner(Planner):
             score=lambda plans: value(coarse, coarse_inside, coarse_known, plans),
             final=lambda plans: value(belief, inside, known, plans),
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
+            proposals=proposals,
         )
 
     def expected(

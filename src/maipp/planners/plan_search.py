@@ -85,13 +85,16 @@ def search(
     score: Callable[[Array], Array],
     final: Callable[[Array], Array],
     options: SearchOptions,
+    proposals: Float[Array, "p h *d"] | None = None,
 ) -> Finalists:
     """Good plans, in the form of `last`, the plan to begin from.
 
     `score` (c, h, *d) -> (c,) ranks the random plans, its gradient refines the best of them, and `final`, of the same
-    shape, values the refined and the unrefined.
+    shape, values the refined and the unrefined. `proposals` compete with the random plans.
     """
     plans = random_plans(key, last, options.candidates)
+    if proposals is not None:
+        plans = jnp.concatenate([plans, proposals])
     _, best = lax.top_k(-score(plans), options.elites)
     elites = plans[best]
     refined = descend(jax.grad(lambda plans: jnp.sum(score(plans))), elites, options.steps, options.rate)

@@ -98,7 +98,7 @@ def sample_paths(
     key: Key,
     *,
     steps: int,
-    temperature: float | Float[Array, " a"],
+    temperature: float,
     reencode: bool,
 ) -> Paths:
     """Continue each path from its first choice by `steps - 1` samples of the policy.
@@ -109,7 +109,6 @@ def sample_paths(
     current standard deviation.
     """
     roadmap, start = situation.roadmap, situation
-    heat = jnp.reshape(jnp.asarray(temperature), (-1, 1))
     count = choices.shape[0]
     neighbours, distances = jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances)
     first = edges(roadmap, start.node, start.remaining, scenario.last_leg, start.meeting)
@@ -135,7 +134,7 @@ def sample_paths(
         # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
         logits, memory = jax.vmap(decode)(view, state.memory)
         go = view.allowed.any(axis=-1)
-        choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / heat)
+        choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / temperature)
         node = jnp.where(go, neighbours[state.node, choice], state.node)
         length = state.length + jnp.where(go, distances[state.node, choice], 0.0)
         nodes = jnp.where(jnp.arange(steps) >= t, node[:, None], state.nodes)

@@ -1,6 +1,5 @@
 """What every planner with a policy network shares: its weights, and what the network is shown."""
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -129,24 +128,20 @@ class PolicyPlanner(Planner):
         paths: int,
         steps: int,
         reencode: bool = False,
-        hottest: float | None = None,
         distinct: bool = False,
     ) -> Paths:
         """Trajectories sampled from the policy; see `sample_paths`.
 
-        The first is sampled at `temperature`, the last at `hottest` (the same, unless given), those between at
-        temperatures between. `distinct` first steps are drawn without replacement, as far as there are others.
+        `distinct` first steps are drawn without replacement, as far as there are others.
         """
         first_key, key = jax.random.split(key)
-        heat = jnp.linspace(0.0, math.log((hottest or self.temperature) / self.temperature), paths)
-        temperature = self.temperature * jnp.exp(heat)
-        logits = jnp.where(insight.view.allowed.any(), insight.logits, 0.0)
+        logits = jnp.where(insight.view.allowed.any(), insight.logits / self.temperature, 0.0)
         if distinct:
             # Gumbel top-k: sampling without replacement (Kool et al. 2019).
-            order = jnp.argsort(-logits / self.temperature - jax.random.gumbel(first_key, logits.shape))
+            order = jnp.argsort(-logits - jax.random.gumbel(first_key, logits.shape))
             choices = order[jnp.arange(paths) % jnp.maximum(jnp.sum(insight.view.allowed), 1)]
         else:
-            choices = jax.random.categorical(first_key, logits / temperature[:, None])
+            choices = jax.random.categorical(first_key, logits, shape=(paths,))
         return sample_paths(
             self.scenario,
             self.policy,
@@ -156,7 +151,7 @@ class PolicyPlanner(Planner):
             insight.memory,
             key,
             steps=steps,
-            temperature=temperature,
+            temperature=self.temperature,
             reencode=reencode,
         )
 

@@ -1,17 +1,34 @@
 """`receding-horizon`: optimise the next legs in continuous space, travel the first, plan again."""
 
+from typing import NamedTuple
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, nothing_announced, with_announced
+from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
 from maipp.planners.headings import bend, walk_bent, within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Decision, Observation, PyTree
-from maipp.typing import Key
+from maipp.typing import Array, Float, Key
+
+
+class LegMemory(NamedTuple):
+    """What an agent remembers from decision to decision."""
+
+    plan: Float[Array, "h 2"]  # what is left of its last plan: displacements, units of a leg
+    heard: Announcement  # last heard from each agent, leading axis m
+
+
+def first_memory(horizon: int, agents: int) -> LegMemory:
+    """The memory of an agent that has not planned yet."""
+    nothing = nothing_announced(horizon)
+    heard = jax.tree.map(lambda a: jnp.broadcast_to(a, (agents, *a.shape)), nothing)
+    return LegMemory(jnp.zeros((horizon, 2)).at[:, 0].set(1.0), heard)
 
 
 class RecedingHorizon(LegPlanner):
@@ -43,20 +60,23 @@ class RecedingHorizon(LegPlanner):
         return nothing_planned(announced) if self.joint else announced
 
     def initial_memory(self) -> PyTree:
-        """The last plan: displacements (h, 2), units of a leg."""
-        return jnp.zeros((self.horizon, 2)).at[:, 0].set(1.0)
+        """The last plan, and nothing heard."""
+        return first_memory(self.horizon, self.scenario.agents)
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
+        heard = memory.heard
         offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.horizon)
         steps = jnp.diff(offsets, prepend=0.0)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         if self.joint:
-            plan = plan_team(self, self.sweeps, key, observation, memory, steps, affordable)
+            plan = plan_team(self, self.sweeps, key, observation, memory.plan, steps, affordable)
         else:
-            belief = with_announced(observation, observation.messages, self.scenario.virtual_value)
+            heard = latest(observation.heard, observation.messages, heard)
+            belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
             inside, known = observation.inside, observation.belief.variance
-            plans = self.plan_legs(key, belief, inside, observation.position, memory, steps, affordable, known)
+            where, left = observation.position, observation.remaining
+            plans = self.plan_legs(key, belief, inside, where, memory.plan, steps, affordable, known, remaining=left)
             plan = plans.best
         extent = self.scenario.extent
         points = walk_bent(observation.position, plan, steps, extent)
@@ -65,4 +85,4 @@ class RecedingHorizon(LegPlanner):
         if self.joint:
             message = TeamPlan(message, observation.remaining - steps[0])
         way = jnp.stack([bend(observation.position, points[0], steps[0], extent), points[0]])
-        return Decision(way, message, jnp.roll(within_leg(plan), -1, axis=0))
+        return Decision(way, message, LegMemory(jnp.roll(within_leg(plan), -1, axis=0), heard))

@@ -58,7 +58,13 @@ register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy
 _INTENT = "maipp.planners.intent:IntentPlanner"
 register("di", _INTENT, summary="policy; intent over where sampled paths end", intent="destination", steps=3)
 register("ti", _INTENT, summary="policy; intent over all nodes of sampled paths")
-register("ti-star", _INTENT, summary="as ti, and goes along the best of the sampled paths", choose="best", share="best")
+_STAR = {"choose": "best", "share": "best", "distinct": True}
+register("ti-star", _INTENT, summary="as ti, and goes along the best of the sampled paths", **_STAR)
+register(
+    "intent-search",
+    "maipp.planners.intent_search:IntentSearch",
+    summary="paths of the policy and random plans, the best refined by gradient in the plane",
+)
 
 
 def planner_names() -> tuple[str, ...]:

@@ -57,3 +57,26 @@ def in_time(
     left = jnp.where(allowed, spare(meeting, start, targets, remaining), -jnp.inf)
     # An agent that cannot be there in time still hurries: others may be later, too.
     return allowed & (left >= jnp.minimum(jnp.max(left), 0.0))
+
+
+def lateness(
+    meeting: Rendezvous,
+    start: Float[Array, "2"],
+    ends: Float[Array, "*c h 2"],
+    steps: Float[Array, " h"],
+    remaining: Float[Array, ""],
+) -> Float[Array, "*c"]:
+    """How much too late for the meeting a plan in the plane makes the agent, at the worst of its legs (domain units).
+
+    Legs take `steps` of budget each and end at `ends`; the one on which the budget runs out is travelled in part.
+    """
+    spent = jnp.cumsum(steps)
+    travelled = jnp.clip(remaining - (spent - steps), 0.0, steps)
+    origin = jnp.broadcast_to(start, (*ends.shape[:-2], 1, 2))
+    begins = jnp.concatenate([origin, ends[..., :-1, :]], axis=-2)
+    reached = begins + (ends - begins) * (travelled / jnp.maximum(steps, 1e-9))[:, None]
+    squared = jnp.sum((reached - jnp.asarray(meeting.place)) ** 2, axis=-1)
+    away = jnp.sqrt(jnp.maximum(squared, 1e-12)) - meeting.radius
+    late = jnp.maximum(away, 0.0) - jnp.maximum(remaining - spent, 0.0)
+    # Once the budget is spent nothing more is travelled: such legs only repeat the last place.
+    return jnp.max(jnp.maximum(late, 0.0), axis=-1)

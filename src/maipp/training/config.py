@@ -38,8 +38,6 @@ class TrainConfig:
     imitation: int = 0  # updates that imitate the teacher
     search: int = 0  # updates after them that learn from the policy's own search; then reinforcement begins
     search_paths: int = 32  # trajectories sampled for it at each decision
-    search_steps: int = 7  # nodes of each
-    search_temperature: float = 6.0  # that the last of them is sampled at, the first one at 1
     elites: int = 4  # the best of them, which are made likelier
     updates: int = 1000  # in all
     reward: Literal["log-trace", "paper"] = "log-trace"
@@ -60,21 +58,14 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         least = {"agents": 1, "bank": 1, "shards": 1, "missions": 1, "events": 2, "epochs": 1, "minibatch": 1}
-        least |= {"search": 0, "search_paths": 1, "search_steps": 1, "elites": 1}
+        least |= {"search": 0, "search_paths": 1, "elites": 1}
         least |= {"paths": 1, "steps": 1, "imitation": 0, "updates": 1, "evaluate_every": 1, "evaluate_instances": 1}
         for name, smallest in least.items():
             if getattr(self, name) < smallest:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
         if self.seed < 0:
             raise InputError(f"training: seed: {self.seed} is negative; give a whole number >= 0")
-        for name in (
-            "length_scale",
-            "learning_rate",
-            "gradient_norm",
-            "evaluate_budget",
-            "checkpoint_seconds",
-            "search_temperature",
-        ):
+        for name in ("length_scale", "learning_rate", "gradient_norm", "evaluate_budget", "checkpoint_seconds"):
             if not getattr(self, name) > 0:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a number > 0")
         for name in ("discount", "trace_decay"):

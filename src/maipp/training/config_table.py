@@ -32,8 +32,6 @@ MEANINGS = {
     "imitation": "updates at the beginning that imitate the teacher",
     "search": "updates after them that learn from the policy's own search",
     "search_paths": "paths sampled for it at each decision",
-    "search_steps": "nodes of each",
-    "search_temperature": "temperature that the last of them is sampled at, the first one at 1",
     "elites": "the best of them, which are made likelier",
     "updates": "updates in all; the rest are PPO",
     "reward": "`log-trace`: fall of log Tr(P); `paper`: as in Yang et al. 2023, Sec. IV-D",

@@ -37,8 +37,7 @@ def find_elites(
     """The `config.elites` best of `config.search_paths` paths: the planner's own, where it sampled any."""
     situation, paths, scores = choice.situation, choice.paths, choice.scores
     if paths is None or scores is None:
-        shape = {"paths": config.search_paths, "steps": config.search_steps}
-        paths = planner.sample(key, situation, choice.insight, **shape, hottest=config.search_temperature)
+        paths = planner.sample(key, situation, choice.insight, paths=config.search_paths, steps=config.steps)
         scores = planner.interest.trace(
             *planner.outcomes(planner.counted(observation), situation, paths), observation.inside
         )

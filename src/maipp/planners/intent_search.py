@@ -1,0 +1,119 @@
+"""`intent-search`: paths sampled from the policy and random plans in the plane, the best of both refined by gradient.
+
+The policy has learned where surveys pay in the long run, but only knows the nodes of its roadmap; the search finds the
+best next legs in the plane, but looks no farther than they reach.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from maipp.errors import InputError
+from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
+from maipp.planners.headings import bend, walk_bent, within_leg
+from maipp.planners.leg_planner import LegPlanner
+from maipp.planners.lookahead import along_paths, measurement_offsets
+from maipp.planners.policy_paths import Paths, Situation
+from maipp.planners.policy_planner import PolicyPlanner
+from maipp.planners.receding_horizon import LegMemory, first_memory
+from maipp.planners.roadmap_step import roadmap_of
+from maipp.policy import Memory
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.simulator.decision import Decision, Observation, PyTree
+from maipp.team import COVARIANCE_FLOOR, Intent, fit_intent, fuse_intents
+from maipp.typing import Array, Float, Key
+
+
+class SearchMemory(eqx.Module):
+    """What an agent remembers from decision to decision."""
+
+    trajectory: Memory  # the network's, of the executed trajectory
+    legs: LegMemory
+
+
+class IntentSearch(PolicyPlanner, LegPlanner):
+    """Refines the best of `paths` sampled paths of `nodes` nodes and of random plans; travels one leg, plans again.
+
+    Agents tell each other where and when they mean to measure; the intent that the policy is shown is fitted to that.
+    """
+
+    weights: str = eqx.field(static=True, default="ti")  # shipped weights, a .safetensors file, or untrained
+    paths: int = eqx.field(static=True, default=16)  # trajectories sampled from the policy per decision
+    nodes: int = eqx.field(static=True, default=6)  # nodes of each
+    candidates: int = eqx.field(static=True, default=96)  # random plans scored
+    distinct: bool = eqx.field(static=True, default=True)  # the paths' first steps differ, as far as they can
+
+    avoids_obstacles = False
+
+    @property
+    def waypoints_per_decision(self) -> int:
+        """The bend of a leg and its end."""
+        return 2
+
+    def check(self) -> None:
+        """Raise InputError for options out of range."""
+        PolicyPlanner.check(self)
+        LegPlanner.check(self)
+        for name in ("paths", "nodes"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
+
+    @property
+    def missions_per_core(self) -> int:
+        """As of the search in the plane."""
+        return LegPlanner.missions_per_core.fget(self)  # type: ignore[attr-defined]
+
+    def empty_message(self) -> PyTree:
+        """The announced measurements."""
+        return nothing_announced(self.horizon)
+
+    def initial_memory(self) -> PyTree:
+        """Nothing travelled, planned or heard."""
+        return SearchMemory(self.policy.initial_memory(), first_memory(self.horizon, self.scenario.agents))
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The first leg of the best plan found."""
+        path_key, search_key = jax.random.split(key)
+        interval, extent, where = self.scenario.measurement_interval, self.scenario.extent, observation.position
+        offsets = measurement_offsets(observation.to_next_measurement, interval, self.horizon)
+        steps = jnp.diff(offsets, prepend=0.0)
+        affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
+        heard = latest(observation.heard, observation.messages, memory.legs.heard)
+        belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
+
+        situation = self.situation(observation, observation.belief, self._map(observation, heard))
+        insight = self.look(situation, memory.trajectory)
+        paths = self.sample(path_key, situation, insight, paths=self.paths, steps=self.nodes, distinct=self.distinct)
+        plans = self.plan_legs(
+            search_key,
+            belief,
+            observation.inside,
+            where,
+            memory.legs.plan,
+            steps,
+            affordable,
+            observation.belief.variance,
+            remaining=observation.remaining,
+            proposals=self._proposals(situation, paths, offsets),
+        )
+        plan = plans.best
+        points = walk_bent(where, plan, steps, extent)
+        message = Announcement(points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf))
+        way = jnp.stack([bend(where, points[0], steps[0], extent), points[0]])
+        left = LegMemory(jnp.roll(within_leg(plan), -1, axis=0), heard)
+        return Decision(way, message, SearchMemory(insight.memory, left))
+
+    def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
+        """The others' fused intent at the nodes: Gaussians fitted to what each has announced."""
+        told = jnp.isfinite(heard.times) & (observation.heard | self.recall)[:, None]
+        floor = COVARIANCE_FLOOR * max(self.scenario.extent) ** 2
+        intents: Intent = jax.vmap(lambda points, mask: fit_intent(points, mask, floor))(heard.points, told)
+        return fuse_intents(intents, told.any(axis=1), jnp.asarray(roadmap_of(observation).nodes))
+
+    def _proposals(self, situation: Situation, paths: Paths, offsets: Float[Array, " h"]) -> Float[Array, "a h 2"]:
+        """The sampled paths as plans: from one measurement to the next, units of a leg."""
+        nodes = jnp.asarray(situation.roadmap.nodes)[paths.nodes]
+        points, _ = along_paths(situation.position, nodes, offsets)
+        begins = jnp.concatenate([jnp.broadcast_to(situation.position, (len(points), 1, 2)), points[:, :-1]], axis=1)
+        steps = jnp.diff(offsets, prepend=0.0)
+        return (points - begins) / jnp.maximum(steps, 1e-9)[:, None]
