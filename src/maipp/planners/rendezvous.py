@@ -77,6 +77,6 @@ def lateness(
     reached = begins + (ends - begins) * (travelled / jnp.maximum(steps, 1e-9))[:, None]
     squared = jnp.sum((reached - jnp.asarray(meeting.place)) ** 2, axis=-1)
     away = jnp.sqrt(jnp.maximum(squared, 1e-12)) - meeting.radius
-    late = jnp.maximum(away, 0.0) - jnp.maximum(remaining - spent, 0.0)
-    # Once the budget is spent nothing more is travelled: such legs only repeat the last place.
-    return jnp.max(jnp.maximum(late, 0.0), axis=-1)
+    late = jnp.maximum(jnp.maximum(away, 0.0) - jnp.maximum(remaining - spent, 0.0), 0.0)
+    begun = (remaining > spent - steps) | (jnp.arange(len(steps)) == 0)
+    return jnp.max(jnp.where(begun, late, 0.0), axis=-1)
