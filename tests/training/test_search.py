@@ -13,7 +13,7 @@ from maipp.errors import InputError
 from maipp.policy import load_policy
 from maipp.simulator.engine import turn
 from maipp.training.config import TrainConfig
-from maipp.training.learner import Learner
+from maipp.training.learner import Learner, _schedule
 from maipp.training.losses import Sample, sample_loss
 from maipp.training.rollout import roll_out
 from maipp.training.search import find_elites, surprise
@@ -146,3 +146,15 @@ def test_a_run_may_start_from_weights_of_its_own_kind():
 def test_elites_are_some_of_the_paths():
     with pytest.raises(InputError, match="elites: 9; give at most search_paths, 4"):
         TrainConfig(search_paths=4, elites=9)
+
+
+def test_a_run_imitates_then_reinforces_then_searches():
+    config = TrainConfig(imitation=2, search=3, updates=9, learning_rate=1e-3, search_rate=5e-4)
+    learner = Learner(config.replace(bank=1), jax.devices()[:1])
+    phases = [learner._phase(updates) for updates in range(9)]
+    assert phases == ["imitate"] * 2 + ["reinforce"] * 4 + ["search"] * 3
+    rate, per_update = _schedule(config), config.epochs * config.minibatches
+    assert float(rate(0)) == pytest.approx(1e-3) and float(rate(6 * per_update)) == pytest.approx(5e-4)
+    assert float(rate(6 * per_update - 1)) < 1e-4 and float(rate(9 * per_update)) == pytest.approx(1e-5)
+    with pytest.raises(InputError, match=r"updates: 4; give at least imitation \+ search, 5"):
+        config.replace(updates=4)

@@ -35,8 +35,8 @@ class TrainConfig:
     share: Literal["samples", "best"] = "best"  # which of them the intent is fitted to
     start: str = ""  # weights to begin with: a shipped name or a .safetensors file; none: random ones
     # Objective
-    imitation: int = 0  # updates that imitate the teacher
-    search: int = 0  # updates after them that learn from the policy's own search; then reinforcement begins
+    imitation: int = 0  # updates at the beginning that imitate the teacher; then reinforcement begins
+    search: int = 0  # updates at the end that learn from the policy's own search
     search_paths: int = 32  # trajectories sampled for it at each decision
     elites: int = 4  # the best of them, which are made likelier
     updates: int = 1000  # in all
@@ -48,6 +48,7 @@ class TrainConfig:
     value: float = 0.5  # weight of the squared error of the value
     # Optimiser
     learning_rate: float = 3e-4
+    search_rate: float = 5e-4  # learning rate at the beginning of the search
     schedule: Literal["cosine", "steps", "constant"] = "cosine"  # steps: times 0.96 every 32 gradient steps
     gradient_norm: float = 1.0  # gradients are scaled down to at most this norm
     # Along the way
@@ -65,12 +66,23 @@ class TrainConfig:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
         if self.seed < 0:
             raise InputError(f"training: seed: {self.seed} is negative; give a whole number >= 0")
-        for name in ("length_scale", "learning_rate", "gradient_norm", "evaluate_budget", "checkpoint_seconds"):
+        for name in (
+            "length_scale",
+            "learning_rate",
+            "search_rate",
+            "gradient_norm",
+            "evaluate_budget",
+            "checkpoint_seconds",
+        ):
             if not getattr(self, name) > 0:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a number > 0")
         for name in ("discount", "trace_decay"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a number from 0 to 1")
+        if self.imitation + self.search > self.updates:
+            raise InputError(
+                f"training: updates: {self.updates}; give at least imitation + search, {self.imitation + self.search}"
+            )
         if self.elites > self.search_paths:
             raise InputError(f"training: elites: {self.elites}; give at most search_paths, {self.search_paths}")
         if not 0 < self.budget[0] <= self.budget[1]:
@@ -102,11 +114,13 @@ class TrainConfig:
 
 
 NAMED: dict[str, TrainConfig] = {
-    # Imitation of the receding-horizon planner, then PPO on log Tr(P).
+    # Imitation of the receding-horizon planner, then PPO on log Tr(P), then the policy's own search.
     "default": TrainConfig(
         minibatch=64,
         imitation=200,
-        updates=360,
+        search=48,
+        search_paths=64,
+        updates=408,
         learning_rate=7e-4,
         entropy=0.01,
         evaluate_every=40,

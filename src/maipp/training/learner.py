@@ -115,7 +115,7 @@ class Learner:
         """What the next update learns from, `updates` being done."""
         if updates < self.config.imitation:
             return "imitate"
-        return "search" if updates < self.config.imitation + self.config.search else "reinforce"
+        return "search" if updates >= self.config.updates - self.config.search else "reinforce"
 
     def _compile(self, phase: Phase) -> Any:
         """The compiled update of a phase."""
@@ -216,12 +216,23 @@ def _normalised(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t
 
 
 def _schedule(config: TrainConfig) -> optax.Schedule:
-    """Learning rate by gradient steps taken."""
+    """Learning rate by gradient steps taken; the search has a schedule of its own."""
+    before = (config.updates - config.search) * config.epochs * config.minibatches
+    after = config.gradient_steps - before
+    parts = [
+        _part(config, rate, max(1, steps))
+        for rate, steps in ((config.learning_rate, before), (config.search_rate, after))
+    ]
+    return optax.join_schedules(parts, [before])
+
+
+def _part(config: TrainConfig, rate: float, steps: int) -> optax.Schedule:
+    """Learning rate by gradient steps taken of `steps`, from `rate` on."""
     if config.schedule == "cosine":
-        return optax.cosine_decay_schedule(config.learning_rate, config.gradient_steps, alpha=0.02)
+        return optax.cosine_decay_schedule(rate, steps, alpha=0.02)
     if config.schedule == "steps":  # Yang et al. 2023, Sec. IV-E
-        return optax.exponential_decay(config.learning_rate, 32, 0.96, staircase=True)
-    return optax.constant_schedule(config.learning_rate)
+        return optax.exponential_decay(rate, 32, 0.96, staircase=True)
+    return optax.constant_schedule(rate)
 
 
 def _optimiser(config: TrainConfig) -> optax.GradientTransformation:
