@@ -5,12 +5,16 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from maipp.belief import Matern32, condition
+from maipp.belief import Matern32, condition_near
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.simulator.decision import Decision, Observation, Planner
 from maipp.simulator.mission import Mission
 from maipp.simulator.state import State, along, positions, route_capacity
 from maipp.typing import Array, Bool, Index, Key
+
+# Measurement intervals around an agent within which a belief of limited capacity favours no measurement: planners look
+# a few ahead.
+_REACH = 4.0
 
 
 def time_tolerance(scenario: Scenario) -> float:
@@ -73,11 +77,23 @@ def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, he
     odometer = _pick(state.odometer, agent)
     where = positions(state, mission.speeds)
     kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    position = _pick(where, agent)
+    belief = condition_near(
+        kernel,
+        x,
+        y,
+        known,
+        mission.grid,
+        scenario.noise,
+        near=position,
+        reach=_REACH * interval,
+        capacity=scenario.belief_capacity,
+    )
     budget = _pick(mission.budgets, agent)
     return Observation(
         agent=agent,
         time=state.time,
-        position=_pick(where, agent),
+        position=position,
         start=_pick(mission.start, agent),
         budget=budget,
         remaining=budget - odometer,
@@ -86,7 +102,7 @@ def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, he
         measurement_x=x,
         measurement_y=y,
         known=known,
-        belief=condition(kernel, x, y, known, mission.grid, scenario.noise),
+        belief=belief,
         inside=mission.inside,
         heard=heard,
         messages=state.messages,
