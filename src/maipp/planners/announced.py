@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from maipp.belief import Belief, extend
+from maipp.belief import Belief
+from maipp.planners.told import count_told
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Observation
 from maipp.typing import Array, Float
@@ -29,4 +30,10 @@ def with_announced(observation: Observation, announced: Announcement, virtual_va
     """
     future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
     valid = future & jnp.isfinite(announced.times) & observation.heard[:, None]
-    return extend(observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value)
+    return count_told(
+        observation.belief,
+        announced.points.reshape(-1, 2),
+        valid.reshape(-1),
+        near=observation.position,
+        virtual_value=virtual_value,
+    )
