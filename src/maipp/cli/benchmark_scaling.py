@@ -56,14 +56,27 @@ class Scaling:
 def run(flags: Scaling) -> int:
     """Measure, write the files, print where; raises `InputError` for a bad flag or a folder that cannot be written."""
     _check(flags)
+    try:
+        flags.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: cannot make {flags.out}: {error.strerror or error}") from None
     import jax
 
+    kept = jax.config.jax_enable_compilation_cache
     # A compiled decision read back from disk would have no compile time.
     jax.config.update("jax_enable_compilation_cache", False)
-    notes = Console(file=sys.stderr, highlight=False)
+    try:
+        _measure(flags)
+    finally:
+        jax.config.update("jax_enable_compilation_cache", kept)
+    return 0
+
+
+def _measure(flags: Scaling) -> None:
+    """Measure what is not done yet, and write the files."""
+    notes = Console(file=sys.stderr, highlight=False, soft_wrap=True)
     settings = {key: value for key, value in vars(flags).items() if key != "out"}
     settings["planner"] = list(flags.planner)
-    flags.out.mkdir(parents=True, exist_ok=True)
     results = read_json(flags.out, settings)
 
     def costed(cost: Cost) -> None:
@@ -102,7 +115,6 @@ def run(flags: Scaling) -> int:
         )
     for path in write_report(results, flags.out):
         notes.print(f"wrote {path}")
-    return 0
 
 
 def _check(flags: Scaling) -> None:
