@@ -7,7 +7,8 @@ import pytest
 
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions, score_missions
+from maipp.simulator import draw_missions, run_missions
+from maipp.simulator.metrics import score_missions
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=8, nodes=20, neighbours=6)
 
