@@ -109,7 +109,6 @@ def _with_survey(belief: Belief, survey: Survey) -> Belief:
             jnp.maximum(variance - jnp.sum(virtual * virtual, axis=0), 0.0),
             shrink,
         ),
-        is_leaf=lambda leaf: leaf is None,
     )
 
 

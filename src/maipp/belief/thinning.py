@@ -25,7 +25,8 @@ def spacing(x: Float[Array, "n 2"], mask: Bool[Array, " n"]) -> Float[Array, " n
 
     The first has that of the farthest measurement there is.
     """
-    x = lax.stop_gradient(x)
+    # Masked slots may hold anything, NaN included.
+    x = jnp.where(mask[:, None], lax.stop_gradient(x), 0.0)
     count = x.shape[0]
     first = jnp.argmax(mask)
     slots = jnp.arange(count)
