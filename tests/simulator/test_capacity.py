@@ -1,6 +1,5 @@
 """Surveys whose agents have beliefs of limited capacity."""
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -28,7 +27,8 @@ def exact():
 
 
 def test_a_capacity_that_suffices_changes_nothing(exact):
-    assert eqx.tree_equal(survey(10**6), exact)
+    for found, wanted in zip(jax.tree.leaves(survey(10**6)), jax.tree.leaves(exact), strict=True):
+        np.testing.assert_array_equal(found, wanted)  # NaN, what an agent that has stopped tells, equals NaN
 
 
 def test_a_survey_of_more_measurements_than_fit_goes_about_as_well(exact):
