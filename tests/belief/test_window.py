@@ -111,6 +111,7 @@ def test_it_goes_on_like_any_belief():
         np.testing.assert_allclose(again.variance, b.variance, atol=1e-5)
     index = jnp.arange(3, 144, 7)
     coarse = more.at(index)
+    assert more.shrink is not None
     np.testing.assert_array_equal(coarse.shrink, more.shrink[index])
     wanted = predicted_variance(more, points[None] + 0.02, jnp.ones((1, 2), bool))[:, index]
     np.testing.assert_allclose(

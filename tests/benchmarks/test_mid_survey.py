@@ -18,7 +18,7 @@ def test_walks_stay_in_the_domain_and_measure_at_every_interval():
     assert visited.shape == (50, 40, 2) and (visited >= 0).all() and (visited <= 1).all()
     steps = np.linalg.norm(np.diff(visited, axis=1), axis=-1)
     assert (steps <= 0.2 + 1e-12).all()
-    assert np.isclose(steps, 0.2).mean() > 0.5  # the others are mirrored at a border
+    assert np.isclose(steps, 0.2).mean() > 0.4  # the others are mirrored at a border, where many linger
 
 
 @pytest.mark.parametrize("name", ["shared-greedy", "lawnmower"])

@@ -10,7 +10,9 @@ TINY = {"agents": 2, "measurements": 4, "grid": 5, "nodes": 12}
 
 
 def cost(planner, axis, size, milliseconds, megabytes):
-    return Cost(planner, axis, *dataclasses.astuple(size), milliseconds, milliseconds, 10, 1.0, megabytes, 1.0)
+    where = dataclasses.asdict(size)
+    times = {"decision_ms": milliseconds, "p95_ms": milliseconds, "decisions": 10, "compile_s": 1.0}
+    return Cost(planner, axis, **where, **times, memory_mb=megabytes, state_mb=1.0)
 
 
 def test_the_exponents_are_those_of_power_laws():

@@ -25,7 +25,7 @@ def told(count):
 
 
 @eqx.filter_jit
-def counted(belief, points, valid, near=NEAR):
+def counted(belief, points, valid, near: jax.Array | None = NEAR):
     return count_told(belief, points, valid, near=near, virtual_value="mean")
 
 

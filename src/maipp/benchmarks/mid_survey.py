@@ -14,7 +14,10 @@ _TURN = 0.9
 
 
 def walks(rng: np.random.Generator, agents: int, count: int, interval: float) -> Float[np.ndarray, "m c 2"]:
-    """Measured positions of agents that set out together and wander over the unit square, `interval` apart (< 1)."""
+    """Measured positions of agents that set out together and wander over the unit square, `interval` apart (< 1).
+
+    Whoever heads out of the square lingers along its border, so measurements are denser there.
+    """
     position = np.broadcast_to(rng.random(2), (agents, 2))
     heading = rng.uniform(-np.pi, np.pi, agents)
     visited = np.empty((agents, count, 2))

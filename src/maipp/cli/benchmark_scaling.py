@@ -62,7 +62,7 @@ def run(flags: Scaling) -> int:
         raise InputError(f"--out: cannot make {flags.out}: {error.strerror or error}") from None
     import jax
 
-    kept = jax.config.jax_enable_compilation_cache
+    kept = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
     # A compiled decision read back from disk would have no compile time.
     jax.config.update("jax_enable_compilation_cache", False)
     try:
