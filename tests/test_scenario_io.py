@@ -72,6 +72,7 @@ def fields(draw):
         length_scale=draw(lengths),
         signal_variance=draw(st.floats(1e-30, 1e30)),
         noise=draw(st.floats(0, 1)),
+        belief_capacity=draw(st.integers(1, 10**6)),
         threshold=draw(st.floats(-1e30, 1e30)),
         beta=draw(st.floats(0, 1e30)),
         interest_rule=draw(st.sampled_from(["std", "variance"])),

@@ -163,6 +163,13 @@ class Scenario:
         meaning="variance of the measurement noise, on the diagonal of the kernel matrix",
         source="measured: up to 1e-6 gives the table of 1e-10 in float64",
     )
+    belief_capacity: int = _option(
+        512,
+        checks.whole(1),
+        Quantity("a belief capacity", "measurements", "a whole number >= 1"),
+        meaning="most measurements that a decision's look-ahead is conditioned on; up to it beliefs are exact",
+        source="maipp, docs/architecture.md; no table of the paper has more than 200",
+    )
     threshold: float = _option(
         0.4,
         checks.real(),

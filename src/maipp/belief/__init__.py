@@ -3,6 +3,7 @@
 from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, trace
 from maipp.belief.kernel import Matern32
 from maipp.belief.posterior import Belief, append, condition, extend, posterior, predict
+from maipp.belief.window import condition_near
 
 __all__ = [
     "Belief",
@@ -10,6 +11,7 @@ __all__ = [
     "Matern32",
     "append",
     "condition",
+    "condition_near",
     "extend",
     "high_interest_area",
     "mutual_information",

@@ -91,6 +91,8 @@ def mutual_information(belief: Belief, area: Bool[Array, " q"], scale: float = 0
     """`0.5 logdet(scale * P + I)` over an area, P the posterior covariance between its points, in nats."""
     prior = belief.kernel.matrix(belief.query, belief.query)
     covariance = prior - belief.whitened_query.T @ belief.whitened_query
+    if belief.shrink is not None:
+        covariance = belief.shrink[:, None] * covariance * belief.shrink
     pair = area[:, None] & area[None, :]
     matrix = jnp.eye(area.shape[0], dtype=prior.dtype) + scale * jnp.where(pair, covariance, 0.0)
     diagonal = jnp.diagonal(jnp.linalg.cholesky(matrix))

@@ -1,4 +1,9 @@
-"""Exact Gaussian-process posterior: condition on masked measurements, append one, predict anywhere."""
+"""Gaussian-process posterior: condition on masked measurements, append one, predict anywhere.
+
+Exact, but for a belief that holds only a window of a survey with more measurements than fit (`belief/window.py`).
+"""
+
+import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,6 +11,7 @@ import numpy as np
 from jax import lax
 
 from maipp.belief.kernel import Matern32
+from maipp.belief.tiles import Survey, tile_moments
 from maipp.typing import Array, Bool, Float, Int
 
 # The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it.
@@ -31,6 +37,10 @@ class Belief(eqx.Module):
     mean: Float[Array, " q"]  # posterior mean at the query points
     variance: Float[Array, " q"]  # posterior variance at the query points, >= 0
     noise: Float[Array, ""]  # noise variance actually used
+    # Of a belief whose slots hold only a part of what is known (`belief/window.py`), else None:
+    survey: Survey | None = None  # all of it
+    shrink: Float[Array, " q"] | None = None  # std at the query points given all of it, over that given the slots
+    window: int = eqx.field(static=True, default=0)  # slots that hold the part; virtual measurements come after them
 
     @property
     def std(self) -> Float[Array, " q"]:
@@ -39,15 +49,19 @@ class Belief(eqx.Module):
 
     def at(self, index: Int[Array, " i"]) -> "Belief":
         """The same belief with only some of its query points: a coarser grid for a cheaper look ahead."""
-        return eqx.tree_at(
+        coarse = eqx.tree_at(
             lambda b: (b.query, b.whitened_query, b.mean, b.variance),
             self,
             (self.query[index], self.whitened_query[:, index], self.mean[index], self.variance[index]),
         )
+        return coarse if self.shrink is None else eqx.tree_at(lambda b: b.shrink, coarse, self.shrink[index])
 
     def on(self, points: Float[Array, "p 2"]) -> "Belief":
         """The same measurements, with their prediction at other query points."""
         whitened = self.whiten(points).T
+        if self.survey is not None:
+            moved = eqx.tree_at(lambda b: (b.query, b.whitened_query), self, (points, whitened))
+            return _with_survey(moved, self.survey)
         variance = jnp.asarray(self.kernel.variance, points.dtype) - jnp.sum(whitened * whitened, axis=0)
         return eqx.tree_at(
             lambda b: (b.query, b.whitened_query, b.mean, b.variance),
@@ -59,6 +73,43 @@ class Belief(eqx.Module):
         """L^-1 k(X, p) for every point p: what one hypothetical measurement needs from the parent's rows."""
         covariance = jnp.where(self.mask, self.kernel(points[..., None, :], self.x), 0.0)
         return covariance @ self.inverse_factor.T
+
+    def effect(self, rows: Float[Array, "*r q"]) -> Float[Array, "*r q"]:
+        """What rows added to V do at the query points: their squares are taken from the variance there."""
+        return rows if self.shrink is None else rows * self.shrink
+
+
+def _with_survey(belief: Belief, survey: Survey) -> Belief:
+    """A belief on a window of the survey, its mean, variance and `shrink` made those of the whole survey."""
+    part, virtual = belief.whitened_query[: belief.window], belief.whitened_query[belief.window :]
+    values = belief.whitened_values
+    prior = jnp.asarray(belief.kernel.variance, part.dtype)
+    # Below this nothing is left that float32 could tell from rounding.
+    least = jnp.finfo(part.dtype).eps * prior
+    near = jnp.maximum(prior - jnp.sum(part * part, axis=0), 0.0), values[: belief.window] @ part
+
+    def all_known() -> tuple[Array, Array, Array]:
+        return *near, jnp.ones_like(near[0])
+
+    def with_tiles() -> tuple[Array, Array, Array]:
+        mean, variance = tile_moments(belief.kernel, survey, belief.query)
+        # Both are given a part of the survey, so both variances are at least the true one: the lower one is nearer.
+        better = variance < near[0]
+        variance = jnp.where(better, variance, near[0])
+        ratio = jnp.where(better, jnp.maximum(variance, least) / jnp.maximum(near[0], least), 1.0)
+        return variance, jnp.where(better, mean, near[1]), jnp.sqrt(ratio)
+
+    variance, mean, shrink = lax.cond(jnp.sum(survey.mask) <= belief.window, all_known, with_tiles)
+    virtual = virtual * shrink
+    return eqx.tree_at(
+        lambda b: (b.mean, b.variance, b.shrink),
+        belief,
+        (
+            mean + values[belief.window :] @ virtual,
+            jnp.maximum(variance - jnp.sum(virtual * virtual, axis=0), 0.0),
+            shrink,
+        ),
+    )
 
 
 def _factor(gram: Float[Array, "n n"], noise: Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
@@ -116,6 +167,21 @@ def condition(
     )
 
 
+def condition_window(
+    kernel: Matern32,
+    survey: Survey,
+    slots: Int[Array, " r"],
+    query: Float[Array, "q 2"],
+) -> Belief:
+    """Belief on the measurements in some slots of a survey, with the predictions of the whole survey at `query`.
+
+    Where the slots hold all that is known it is exact.
+    """
+    part = condition(kernel, survey.x[slots], survey.y[slots], survey.mask[slots], query, survey.noise)
+    ready = dataclasses.replace(part, survey=survey, shrink=jnp.ones_like(part.mean), window=slots.shape[0])
+    return _with_survey(ready, survey)
+
+
 def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
     """Belief after one more measurement, placed in the first free slot: one new row of L^-1 and of V, O(n q).
 
@@ -129,6 +195,7 @@ def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
     inverse_row = (-(row @ belief.inverse_factor) / pivot).at[slot].set(1.0 / pivot)
     value = (y - row @ belief.whitened_values) / pivot
     query_row = (belief.kernel(x, belief.query) - row @ belief.whitened_query) / pivot
+    effect = belief.effect(query_row)
 
     def put(array: Array, new: Array) -> Array:
         return array.at[slot].set(jnp.where(free, new, array[slot]))
@@ -141,9 +208,12 @@ def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
         whitened_values=put(belief.whitened_values, value),
         query=belief.query,
         whitened_query=put(belief.whitened_query, query_row),
-        mean=belief.mean + jnp.where(free, value * query_row, 0.0),
-        variance=jnp.maximum(belief.variance - jnp.where(free, query_row * query_row, 0.0), 0.0),
+        mean=belief.mean + jnp.where(free, value * effect, 0.0),
+        variance=jnp.maximum(belief.variance - jnp.where(free, effect * effect, 0.0), 0.0),
         noise=belief.noise,
+        survey=belief.survey,
+        shrink=belief.shrink,
+        window=belief.window,
     )
 
 
@@ -199,6 +269,7 @@ def extend(
     inverse_factor = inverse_factor.at[n:, n:].set(inverse)
     innovation = jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
     values = inverse @ innovation.astype(x.dtype)
+    effect = belief.effect(query_rows)
     return Belief(
         kernel=belief.kernel,
         x=jnp.concatenate([belief.x, x]),
@@ -207,7 +278,10 @@ def extend(
         whitened_values=jnp.concatenate([belief.whitened_values, values]),
         query=belief.query,
         whitened_query=jnp.concatenate([belief.whitened_query, query_rows]),
-        mean=belief.mean + values @ query_rows,
-        variance=jnp.maximum(belief.variance - jnp.sum(query_rows * query_rows, axis=0), 0.0),
+        mean=belief.mean + values @ effect,
+        variance=jnp.maximum(belief.variance - jnp.sum(effect * effect, axis=0), 0.0),
         noise=belief.noise,
+        survey=belief.survey,
+        shrink=belief.shrink,
+        window=belief.window,
     )

@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 import tyro
 
-from maipp.cli import benchmark_figures, benchmark_latency, benchmark_report, benchmark_table
+from maipp.cli import benchmark_figures, benchmark_latency, benchmark_report, benchmark_scaling, benchmark_table
 from maipp.cli.benchmark_figures import Figures
 from maipp.cli.benchmark_latency import Latency
 from maipp.cli.benchmark_report import Report
+from maipp.cli.benchmark_scaling import Scaling
 from maipp.cli.benchmark_table import Table1, Table2, Table3, Table4
 
 _Named = (
@@ -19,6 +20,7 @@ _Named = (
     | Annotated[Table4, tyro.conf.subcommand("table4")]
     | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Latency, tyro.conf.subcommand("latency")]
+    | Annotated[Scaling, tyro.conf.subcommand("scaling")]
     | Annotated[Report, tyro.conf.subcommand("report")]
 )
 
@@ -29,6 +31,7 @@ _RUN: dict[type, Callable[[Any], int]] = {
     Table4: benchmark_table.run,
     Figures: benchmark_figures.run,
     Latency: benchmark_latency.run,
+    Scaling: benchmark_scaling.run,
     Report: benchmark_report.run,
 }
 

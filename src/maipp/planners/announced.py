@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from maipp.belief import Belief, extend
+from maipp.belief import Belief
+from maipp.planners.told import count_told
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float
@@ -40,4 +41,10 @@ def with_announced(
     future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
     counts = jnp.where(observation.heard[:, None], future, recall)
     valid = counts & jnp.isfinite(announced.times)
-    return extend(observation.belief, announced.points.reshape(-1, 2), valid.reshape(-1), virtual_value=virtual_value)
+    return count_told(
+        observation.belief,
+        announced.points.reshape(-1, 2),
+        valid.reshape(-1),
+        near=observation.position,
+        virtual_value=virtual_value,
+    )

@@ -3,9 +3,9 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from maipp.belief import extend
 from maipp.planners.lookahead import predicted_trace
 from maipp.planners.roadmap_step import edges_here
+from maipp.planners.told import count_told
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Key
 
@@ -32,7 +32,8 @@ class Greedy(Planner):
         if self.shared:
             valid = observation.heard & jnp.isfinite(observation.messages[:, 0])
             targets = jnp.where(valid[:, None], observation.messages, 0.0)
-            belief = extend(belief, targets, valid, virtual_value=self.scenario.virtual_value)
+            value = self.scenario.virtual_value
+            belief = count_told(belief, targets, valid, near=observation.position, virtual_value=value)
         score = predicted_trace(
             belief,
             self.interest,

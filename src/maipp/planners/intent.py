@@ -71,7 +71,8 @@ class IntentPlanner(PolicyPlanner):
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with a few virtual measurements where the others intend to be."""
         heard = observation.heard & self.listen
-        return with_intents(observation.belief, observation.messages, heard, self.scenario.virtual_value)
+        value, here = self.scenario.virtual_value, observation.position
+        return with_intents(observation.belief, observation.messages, heard, value, here)
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node with the agent's intent, and what a trainer needs to know of the decision."""

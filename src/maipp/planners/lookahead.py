@@ -44,7 +44,7 @@ def along_paths(
 class VirtualMeasurements(NamedTuple):
     """Candidate measurements as rows appended to a belief; candidates c, measurements h each, query points q."""
 
-    rows: Float[Array, "c h q"]  # what each would add to V
+    rows: Float[Array, "c h q"]  # what each would add to V, `Belief.effect`
     whitened: Float[Array, "c h n"]  # L^-1 k(X, p)
     inverse_factor: Float[Array, "c h h"]  # inverse of the Cholesky factor of the candidates' own covariance
 
@@ -69,7 +69,7 @@ def virtual_measurements(
     # A candidate that float32 cannot factor all the same measures where everything is known: it adds nothing.
     inverse = jnp.where(jnp.isfinite(inverse).all(axis=(1, 2), keepdims=True), inverse, 0.0)
     rows = jnp.einsum("chg,cgq->chq", inverse, jnp.where(taken[:, :, None], residual, 0.0))
-    return VirtualMeasurements(rows, whitened, inverse)
+    return VirtualMeasurements(belief.effect(rows), whitened, inverse)
 
 
 def predicted_variance(belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]) -> Float[Array, "c q"]:

@@ -9,9 +9,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.belief import Belief, extend
+from maipp.belief import Belief
 from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
+from maipp.planners.told import count_told
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Key
 
@@ -30,7 +31,8 @@ class SgaCatnipp(PolicyPlanner):
         """The due agent's belief with the others' announced next nodes counted as measured."""
         told = observation.heard & jnp.isfinite(observation.messages).all(axis=-1)
         targets = jnp.where(told[:, None], observation.messages, 0.0)
-        return extend(observation.belief, targets, told, virtual_value=self.scenario.virtual_value)
+        value = self.scenario.virtual_value
+        return count_told(observation.belief, targets, told, near=observation.position, virtual_value=value)
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node, announced, and what a trainer needs to know of the decision."""

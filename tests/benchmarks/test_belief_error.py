@@ -1,0 +1,35 @@
+"""The reference that beliefs are held against is the posterior, and what fits the capacity has next to no error."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from maipp.belief import Matern32, posterior
+from maipp.benchmarks.belief_error import belief_error, belief_errors, exact_moments
+from maipp.scenario import Scenario
+
+
+def test_the_reference_is_the_posterior_in_float64():
+    rng = np.random.default_rng(0)
+    x, y, query = rng.random((30, 2)), rng.random(30), rng.random((20, 2))
+    found = exact_moments(Scenario(length_scale=0.3, signal_variance=2.0, noise=1e-4), x, y, query)
+    with jax.enable_x64(True):
+        wanted = posterior(Matern32(0.3, 2.0), *map(jnp.asarray, (x, y, query)), noise=1e-4)
+        for a, b in zip(found, wanted, strict=True):
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
+
+
+def test_beyond_the_capacity_the_error_is_small_but_there():
+    within = belief_error(200, 0.2, 0.25, surveys=2, seed=0)
+    beyond = belief_error(200, 0.2, 0.25, surveys=2, seed=0, capacity=40)
+    assert within.measurements == beyond.measurements == 200 and within.trace == beyond.trace
+    assert abs(within.error) <= abs(within.error_worst) < 1e-3
+    assert 0 < beyond.error < 0.05 and beyond.error_se > 0
+
+
+def test_kinds_that_are_done_are_not_measured_again():
+    found = []
+    kinds = {"counts": (100,), "intervals": (0.2,), "length_scales": (0.4, 0.25), "surveys": 1}
+    first = belief_errors(**kinds, report=found.append)
+    assert found == first and [error.length_scale for error in first] == [0.4, 0.25]
+    assert belief_errors(**kinds, done=tuple(first), report=found.append) == first and len(found) == 2
