@@ -36,7 +36,9 @@ def settled(page: bytes) -> list[str]:
 
 
 def test_it_leaves_csv_figure_and_markdown(whole):
-    assert sorted(path.name for path in whole.iterdir()) == ["cells", *FILES]
+    assert sorted(path.name for path in whole.iterdir()) == ["brief", "cells", *FILES]
+    brief = (whole / "brief" / "table4.md").read_text(encoding="utf-8")
+    assert "| `random` | " in brief and "--instances 2 --trials 2\n" in brief
     page = (whole / "table4.md").read_text(encoding="utf-8")
     assert "maipp benchmark table4 --out run --instances 2 --trials 2\n" in page
 

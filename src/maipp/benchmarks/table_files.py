@@ -4,16 +4,19 @@ from pathlib import Path
 
 from maipp.benchmarks.table_csv import compressed, table_csv
 from maipp.benchmarks.table_figure import save_table_figure
-from maipp.benchmarks.table_page import table_page
+from maipp.benchmarks.table_page import brief_page, table_page
 from maipp.benchmarks.table_run import Sample, read
 from maipp.benchmarks.tables import TableSpec
 from maipp.errors import InputError
 from maipp.files import write_atomic
 
+BRIEF = "brief"  # folder of the short forms, for pages that have more to say than results
+
 
 def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) -> list[Path]:
-    """Write NAME.csv.gz, NAME.png and NAME.md of all rows that the folder has every cell of; gives their paths.
+    """Write NAME.csv.gz, NAME.png, NAME.md and brief/NAME.md of all rows that the folder has every cell of.
 
+    Gives their paths.
     Raises `InputError` where there is no such row, or a file cannot be written.
     """
     lines = read(table, folder, sample)
@@ -24,4 +27,7 @@ def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) 
     save_table_figure(table, lines, figure)
     text = table_page(table, lines, sample, out=folder.name, reference=reference, files=(figure.name, csv.name))
     write_atomic(page, text)
-    return [csv, figure, page]
+    brief = folder / BRIEF / f"{table.name}.md"
+    brief.parent.mkdir(exist_ok=True)
+    write_atomic(brief, brief_page(table, lines, sample, out=folder.name))
+    return [csv, figure, page, brief]

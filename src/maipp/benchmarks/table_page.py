@@ -42,6 +42,24 @@ def table_page(
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
+def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: str) -> str:
+    """The short form: every row's number at every budget, how many missions they come from, and the command."""
+    blocks = []
+    for part in table.parts:
+        there = [line for line in lines if line.part is part]
+        rows = [
+            [_described(line, sample), *(_cell(line.results[b], table.metric) for b in table.budgets)] for line in there
+        ]
+        heading = ["planner", *(f"B = {budget:g}" for budget in table.budgets)]
+        blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", _markdown(heading, rows)] if there else []
+    trials = f"{sample.trials} trial{'s' * (sample.trials > 1)}"
+    blocks.append(
+        f"Mean ± standard error over {sample.instances} instances of {trials} each, seed {sample.seed}, unless said; "
+        f"lower is better. {_made_on(lines)}"
+    )
+    return "\n\n".join([*blocks, f"```sh\n{command(table, lines, sample, out, table.reference)}\n```"]) + "\n"
+
+
 def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
     """The command that fills the table with these lines."""
     words = ["maipp", "benchmark", table.name, "--out", out]
@@ -151,6 +169,11 @@ def _name(line: Line, sample: Sample | None = None) -> str:
     """The row's name; with a sample, also how many missions it has where these are fewer."""
     fewer = sample is not None and _trials(line) != sample.trials
     return f"`{line.row.name}`" + (f" ({sample.instances} x {_trials(line)})" if fewer and sample else "")
+
+
+def _described(line: Line, sample: Sample) -> str:
+    """The planner with its options, and how many missions it has where these are fewer."""
+    return line.row.label + (f" ({sample.instances} x {_trials(line)})" if _trials(line) != sample.trials else "")
 
 
 def _missions(part: Part) -> str:
