@@ -37,19 +37,23 @@ def _rrt(low: float, high: float) -> Row:
     return Row(f"sga-rrt-{low:g}", "sga-rrt", {"lengths": (low, high)}, f"SGA+RRT({low}, {high})")
 
 
+# In the paper agents out of range are not counted on, and nobody goes to meet them.
+_APART = {"meet": False, "recall": False}
+
+
 def intent_row(kind: str, steps: int) -> Row:
     """DI(8, j) or TI(8, j): the intent of eight sampled paths of j nodes."""
-    return Row(f"{kind}-{steps}", kind, {"paths": 8, "steps": steps}, f"{kind.upper()}(8, {steps})")
+    return Row(f"{kind}-{steps}", kind, {"paths": 8, "steps": steps} | _APART, f"{kind.upper()}(8, {steps})")
 
 
 RRT_LONG, RRT_MEDIUM, RRT_SHORT = _rrt(0.9, 1.0), _rrt(0.6, 0.7), _rrt(0.3, 0.4)
-CATNIPP = Row("sga-catnipp", "sga-catnipp", paper="SGA+CAtNIPP")
+CATNIPP = Row("sga-catnipp", "sga-catnipp", {"meet": False}, paper="SGA+CAtNIPP")
 DI, TI = intent_row("di", 3), intent_row("ti", 5)
 # The paper ranks paths with the others standing still, and tells an intent fitted to all of them.
 TI_STAR = Row(
     "ti-5-star",
     "ti-star",
-    {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples"},
+    {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples", "distinct": False} | _APART,
     "TI(8, 5)*",
 )
 # It reads the scenario's budget where an agent has not planned yet: any that pays for its next legs is the same to it.
