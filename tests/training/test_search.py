@@ -153,8 +153,9 @@ def test_a_run_imitates_then_reinforces_then_searches():
     learner = Learner(config.replace(bank=1), jax.devices()[:1])
     phases = [learner._phase(updates) for updates in range(9)]
     assert phases == ["imitate"] * 2 + ["reinforce"] * 4 + ["search"] * 3
-    rate, per_update = _schedule(config), config.epochs * config.minibatches
-    assert float(rate(0)) == pytest.approx(1e-3) and float(rate(6 * per_update)) == pytest.approx(5e-4)
-    assert float(rate(6 * per_update - 1)) < 1e-4 and float(rate(9 * per_update)) == pytest.approx(1e-5)
+    schedule, per_update = _schedule(config), config.epochs * config.minibatches
+    rates = [float(jnp.asarray(schedule(step))) for step in (0, 6 * per_update - 1, 6 * per_update, 9 * per_update)]
+    assert rates[0] == pytest.approx(1e-3) and rates[1] < 1e-4
+    assert rates[2] == pytest.approx(5e-4) and rates[3] == pytest.approx(1e-5)
     with pytest.raises(InputError, match=r"updates: 4; give at least imitation \+ search, 5"):
         config.replace(updates=4)

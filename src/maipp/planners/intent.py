@@ -106,12 +106,9 @@ class IntentPlanner(PolicyPlanner):
 
     def trajectories(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Array, Array]:
         """Positions (a, j, 2) of the paths that `act` samples with the same key, and which of them count (a, j)."""
-        nodes = jnp.asarray(roadmap_of(observation).nodes)
-        intent = fuse_intents(observation.messages, observation.heard & self.listen, nodes)
-        situation = self.situation(observation, observation.belief, intent)
-        path_key, _, first_key = jax.random.split(key, 3)
-        paths = self._sample(path_key, first_key, situation, self.look(situation, memory))
-        return nodes[paths.nodes], paths.taken
+        paths = self.act(key, observation, memory)[1].paths
+        assert paths is not None  # an intent is always fitted to some
+        return jnp.asarray(roadmap_of(observation).nodes)[paths.nodes], paths.taken
 
     @property
     def _ranks(self) -> bool:
