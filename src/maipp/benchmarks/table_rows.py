@@ -66,6 +66,8 @@ OURS = (
     Row("shared-greedy", "shared-greedy"),
     Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
     Row("ti-star", "ti-star"),
+    Row("ti-star-deaf", "ti-star", {"listen": False}, most_trials=3),  # what intents are worth
+    Row("ti-star-reencode", "ti-star", {"mode": "reencode"}, most_trials=1),  # what the paper's virtual steps are worth
     Row("receding-horizon", "receding-horizon"),
     Row("intent-search", "intent-search"),
     JOINT,
