@@ -95,7 +95,7 @@ def test_what_is_wrong_with_the_file_is_one_line(command, weights, tmp_path, cap
 def test_weights_for_nobody_are_refused(command, weights, capsys):
     assert main([*command, *TINY, "--planner", "greedy", "--weights", str(weights)]) == 2
     expected = "error: --weights: no planner given has a policy; give --planner, one or more of sga-catnipp, di, ti, "
-    assert capsys.readouterr().err == f"{expected}ti-star\n"
+    assert capsys.readouterr().err == f"{expected}ti-star, intent-search\n"
 
 
 @pytest.mark.parametrize("kind", [Plan, Evaluate])
