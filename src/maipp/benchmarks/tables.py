@@ -46,14 +46,16 @@ class TableSpec:
     left_out: Mapping[str, str] = field(default_factory=dict)  # lines of other tables that this one lacks, and why
 
     def chosen(self, names: Sequence[str]) -> tuple[Row, ...]:
-        """The lines of these names, or of the planners of these names; all of them for none.
+        """The lines of these names or, where no line has the name, of the planner of that name; all of them for none.
 
         Raises `InputError` for a name that no line has.
         """
         for name in names:
             if not any(name in (row.name, row.planner) for row in self.rows):
                 raise InputError(f"--planners: {unknown('row', name, [row.name for row in self.rows])}")
-        return tuple(row for row in self.rows if not names or row.name in names or row.planner in names)
+        own = {row.name for row in self.rows}
+        planners = set(names) - own
+        return tuple(row for row in self.rows if not names or row.name in names or row.planner in planners)
 
 
 _THREE = Scenario(agents=3)
