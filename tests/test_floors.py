@@ -23,7 +23,7 @@ FLOORS = (
     ("policy", "viz", "missions", "adapters"),
     ("planners",),
     ("training",),
-    ("benchmarks", "fleet"),
+    ("benchmarks", "surveys", "live", "fleet"),
     ("cli", "__main__"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
