@@ -181,6 +181,27 @@ def passed(observation, nodes):
     return np.array([line.interpolate(mark).coords[0] for mark in marks]).reshape(-1, 2)
 
 
+def test_what_is_left_of_the_best_path_competes_again(planner, seen):
+    observations, memories = seen
+    keys = jax.random.split(KEY, len(memories.trajectory.cell))
+    star = planner(keep=True, **STAR)
+    _, choices, paths = _act(star, keys, observations, memories)
+    best = np.argmin(np.asarray(choices.scores), axis=1)
+    turns = np.asarray(paths.turns)[np.arange(len(best)), best]
+    assert (turns[:, 0] == np.where(turns[:, 0] < 0, -1, choices.index)).all()
+    # As if that path had been planned before, and as if nothing had: all that is random stays the same.
+    planned = _act(star, keys, observations, memories._replace(plan=jnp.asarray(turns)))
+    unplanned = _act(star, keys, observations, memories._replace(plan=jnp.full_like(memories.plan, -1)))
+    np.testing.assert_array_equal(planned[2].turns[:, 0], turns)
+    np.testing.assert_array_equal(planned[2].turns[:, 1:], unplanned[2].turns[:, 1:])
+    assert (np.asarray(planned[2].turns[:, 0]) != np.asarray(unplanned[2].turns[:, 0])).any()
+    # The next decision starts from the rest of the best path, which now may be the one planned.
+    best = np.argmin(np.asarray(planned[1].scores), axis=1)
+    chosen = np.asarray(planned[2].turns)[np.arange(len(best)), best]
+    np.testing.assert_array_equal(planned[0].memory.plan[:, :-1], chosen[:, 1:])
+    assert (np.asarray(planned[0].memory.plan[:, -1]) == -1).all()
+
+
 @pytest.mark.parametrize(
     ("rank", "virtual_value"), [("stationary", "mean"), ("intents", "mean"), ("intents", "zero")], ids=str
 )

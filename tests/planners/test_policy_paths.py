@@ -87,7 +87,8 @@ def test_paths_follow_allowed_edges_until_the_budget_ends(tiny, last_leg):
         paths = jax.tree.map(np.asarray, sample(planner, situation, jax.random.key(seed))[0])
         roadmap = jax.tree.map(np.asarray, situation.roadmap)
         distinct += len(np.unique(paths.nodes, axis=0)) > 3
-        for choice, nodes, taken, length in zip(*paths, strict=True):
+        for choice, nodes, taken, length, turns in zip(*paths, strict=True):
+            assert (turns[taken] >= 0).all() and (turns[~taken] == -1).all()
             here, left, travelled = int(situation.node), float(situation.remaining), 0.0
             for step, (node, go) in enumerate(zip(nodes, taken, strict=True)):
                 edge = roadmap.distances[here]
@@ -98,7 +99,8 @@ def test_paths_follow_allowed_edges_until_the_budget_ends(tiny, last_leg):
                     assert not taken[step:].any()
                     stopped += 1
                     continue
-                taken_edge = int(choice) if step == 0 else int(np.argmax(roadmap.neighbours[here] == node))
+                taken_edge = int(turns[step])
+                assert step > 0 or taken_edge == choice
                 assert roadmap.neighbours[here, taken_edge] == node and allowed[taken_edge]
                 travelled, left, here = travelled + edge[taken_edge], left - edge[taken_edge], int(node)
                 went += 1

@@ -17,6 +17,7 @@ class Row:
     options: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's defaults
     paper: str | None = None  # the paper's name of the method; None: not in the paper
     most_trials: int | None = None  # fewer than asked for, where a trial is dear; the table says so
+    quick: bool = True  # False: too dear for a quick look, unless it is asked for by name
     # Whether the planner takes its budget from the observation alone, so that one compilation serves all budgets.
     one_compilation: bool = True
 
@@ -53,11 +54,11 @@ DI, TI = intent_row("di", 3), intent_row("ti", 5)
 TI_STAR = Row(
     "ti-5-star",
     "ti-star",
-    {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples", "distinct": False} | _APART,
+    {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples", "distinct": False, "keep": False} | _APART,
     "TI(8, 5)*",
 )
 # It reads the scenario's budget where an agent has not planned yet: any that pays for its next legs is the same to it.
-JOINT = Row("receding-horizon-joint", "receding-horizon", {"joint": True}, most_trials=1)
+JOINT = Row("receding-horizon-joint", "receding-horizon", {"joint": True}, most_trials=1, quick=False)
 
 OURS = (
     Row("random", "random"),
@@ -67,7 +68,8 @@ OURS = (
     Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
     Row("ti-star", "ti-star"),
     Row("ti-star-deaf", "ti-star", {"listen": False}, most_trials=3),  # what intents are worth
-    Row("ti-star-reencode", "ti-star", {"mode": "reencode"}, most_trials=1),  # what the paper's virtual steps are worth
+    # What the paper's virtual steps are worth.
+    Row("ti-star-reencode", "ti-star", {"mode": "reencode"}, most_trials=1, quick=False),
     Row("receding-horizon", "receding-horizon"),
     Row("intent-search", "intent-search", most_trials=3),
     JOINT,

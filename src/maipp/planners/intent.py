@@ -20,7 +20,7 @@ from maipp.policy import Memory
 from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.team.intent import is_told
-from maipp.typing import Array, Bool, Float, Index, Key
+from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 # Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
 _BLUR = 0.02
@@ -31,6 +31,7 @@ class Recollection(NamedTuple):
 
     trajectory: Memory  # the network's, of the executed trajectory
     intents: Intent  # last heard from each agent, leading axis m
+    plan: Int[Array, " j"]  # what is left of the best path, as turns at each node; -1 from where there is none
 
 
 class IntentPlanner(PolicyPlanner):
@@ -48,6 +49,7 @@ class IntentPlanner(PolicyPlanner):
     spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
     share: Literal["samples", "best"] = eqx.field(static=True, default="samples")  # paths the intent is fitted to
     listen: bool = eqx.field(static=True, default=True)  # False: as if no intent were heard
+    keep: bool = eqx.field(static=True, default=False)  # what is left of the last best path competes again
     recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on the last intent heard
 
     def check(self) -> None:
@@ -66,7 +68,7 @@ class IntentPlanner(PolicyPlanner):
     def initial_memory(self) -> PyTree:
         """Nothing travelled, nothing heard."""
         intents = jax.tree.map(lambda a: jnp.broadcast_to(a, (self.scenario.agents, *a.shape)), no_intent())
-        return Recollection(self.policy.initial_memory(), intents)
+        return Recollection(self.policy.initial_memory(), intents, jnp.full(self.steps, -1, jnp.int32))
 
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with a few virtual measurements where the others intend to be."""
@@ -94,13 +96,16 @@ class IntentPlanner(PolicyPlanner):
             steps=self.steps,
             reencode=self.mode == "reencode",
             distinct=self.distinct,
+            kept=memory.plan if self.keep else None,
         )
         scores = self._scores(observation, situation, paths) if self._ranks else None
         best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(scores)
         index = self._choose(choice_key, insight, paths, best)
         stop = ~insight.view.allowed.any()
         target = nodes[jnp.where(stop, situation.node, insight.view.neighbours[index])]
-        remembered = Recollection(insight.memory, intents)
+        rest = jnp.append(paths.turns[best, 1:], -1)
+        # Who did not set out along the best path has nothing left of it.
+        remembered = Recollection(insight.memory, intents, jnp.where(paths.choices[best] == index, rest, -1))
         decision = Decision(target[None], self._fit(nodes, paths, best, stop), remembered, stop)
         return decision, Choice(situation, insight, memory.trajectory, index, paths, scores)
 

@@ -28,6 +28,7 @@ class Paths(NamedTuple):
     nodes: Int[Array, "a j"]  # roadmap nodes, one after the other; the last one again where it stops early
     taken: Bool[Array, "a j"]  # False for steps that the budget does not allow
     length: Float[Array, " a"]  # domain units
+    turns: Int[Array, "a j"]  # which neighbour each visits at each step; -1 for steps not taken
 
 
 class Situation(NamedTuple):
@@ -79,6 +80,11 @@ def virtual_views(
     return jax.vmap(look)(node, length, std)
 
 
+def follow(turn: Index, allowed: Bool[Array, " k"], otherwise: Index) -> Index:
+    """The neighbour that an earlier path turned to, if there is one (not -1) and it is still allowed."""
+    return jnp.where((turn >= 0) & allowed[turn], turn, otherwise)
+
+
 class _Step(NamedTuple):
     """Where the a paths are."""
 
@@ -100,13 +106,14 @@ def sample_paths(
     steps: int,
     temperature: float,
     reencode: bool,
+    kept: Int[Array, " j"] | None = None,
 ) -> Paths:
     """Continue each path from its first choice by `steps - 1` samples of the policy.
 
     `memory` is the network's after it was shown the real situation. Every virtual step sees the budget and the standard
     deviation that the measurements passed so far would leave. `reencode` runs the whole network on each, as the
     paper does; otherwise the encoding made for the real situation serves all, and the decoder sees the neighbours'
-    current standard deviation.
+    current standard deviation. `kept` turns, where given and allowed, are those of the first path.
     """
     roadmap, start = situation.roadmap, situation
     count = choices.shape[0]
@@ -128,19 +135,22 @@ def sample_paths(
         logits, _, memory = network.decode(ready, *view[2:], memory)
         return logits, memory
 
-    def advance(state: _Step, inputs: tuple[Array, Key]) -> tuple[_Step, Array]:
+    def advance(state: _Step, inputs: tuple[Array, Key]) -> tuple[_Step, tuple[Array, Array]]:
         t, step_key = inputs
         view = virtual_views(scenario, start, state.node, state.nodes, state.length)
         # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
         logits, memory = jax.vmap(decode)(view, state.memory)
         go = view.allowed.any(axis=-1)
         choice = jax.random.categorical(step_key, jnp.where(go[:, None], logits, 0.0) / temperature)
+        if kept is not None:
+            choice = choice.at[0].set(follow(kept[t], view.allowed[0], choice[0]))
         node = jnp.where(go, neighbours[state.node, choice], state.node)
         length = state.length + jnp.where(go, distances[state.node, choice], 0.0)
         nodes = jnp.where(jnp.arange(steps) >= t, node[:, None], state.nodes)
-        return _Step(node, nodes, length, memory), go
+        return _Step(node, nodes, length, memory), (go, jnp.where(go, choice, -1))
 
     times = jnp.arange(1, steps)
-    state, went = lax.scan(advance, state, (times, jax.random.split(key, steps - 1)))
+    state, (went, turns) = lax.scan(advance, state, (times, jax.random.split(key, steps - 1)))
     taken = jnp.concatenate([go[:, None], went.T], axis=1)
-    return Paths(choices, state.nodes, taken, state.length)
+    turns = jnp.concatenate([jnp.where(go, choices, -1)[:, None], turns.T], axis=1).astype(jnp.int32)
+    return Paths(choices, state.nodes, taken, state.length, turns)

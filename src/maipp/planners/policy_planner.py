@@ -9,13 +9,13 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.lookahead import predicted
-from maipp.planners.policy_paths import Paths, Situation, path_measurements, sample_paths
+from maipp.planners.policy_paths import Paths, Situation, follow, path_measurements, sample_paths
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import rendezvous
 from maipp.planners.roadmap_step import current_node, roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
-from maipp.typing import Array, Float, Index, Key, Vector
+from maipp.typing import Array, Float, Index, Int, Key, Vector
 
 
 class Insight(NamedTuple):
@@ -129,10 +129,12 @@ class PolicyPlanner(Planner):
         steps: int,
         reencode: bool = False,
         distinct: bool = False,
+        kept: Int[Array, " j"] | None = None,
     ) -> Paths:
         """Trajectories sampled from the policy; see `sample_paths`.
 
-        `distinct` first steps are drawn without replacement, as far as there are others.
+        `distinct` first steps are drawn without replacement, as far as there are others. `kept` turns, as far as they
+        are known (not -1) and allowed, are those of the first path.
         """
         first_key, key = jax.random.split(key)
         logits = jnp.where(insight.view.allowed.any(), insight.logits / self.temperature, 0.0)
@@ -142,6 +144,8 @@ class PolicyPlanner(Planner):
             choices = order[jnp.arange(paths) % jnp.maximum(jnp.sum(insight.view.allowed), 1)]
         else:
             choices = jax.random.categorical(first_key, logits, shape=(paths,))
+        if kept is not None:
+            choices = choices.at[0].set(follow(kept[0], insight.view.allowed, choices[0]))
         return sample_paths(
             self.scenario,
             self.policy,
@@ -153,6 +157,7 @@ class PolicyPlanner(Planner):
             steps=steps,
             temperature=self.temperature,
             reencode=reencode,
+            kept=kept,
         )
 
     def outcomes(

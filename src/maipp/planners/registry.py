@@ -58,7 +58,7 @@ register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy
 _INTENT = "maipp.planners.intent:IntentPlanner"
 register("di", _INTENT, summary="policy; intent over where sampled paths end", intent="destination", steps=3)
 register("ti", _INTENT, summary="policy; intent over all nodes of sampled paths")
-_STAR = {"choose": "best", "share": "best", "distinct": True}
+_STAR = {"choose": "best", "rank": "expected", "share": "best", "distinct": True, "keep": True}
 register("ti-star", _INTENT, summary="as ti, and goes along the best of the sampled paths", **_STAR)
 register(
     "intent-search",
