@@ -22,11 +22,12 @@ class ExpectedField(eqx.Module):
     @classmethod
     def of(cls, scenario: Scenario, x: Float[np.ndarray, "p 2"], y: Float[np.ndarray, " p"]) -> "ExpectedField":
         """The mean after samples `y` at `x` (domain units, standardised), solved in float64."""
-        weights = np.zeros(0)
         if len(y):
             gram = _matern(np.linalg.norm(x[:, None] - x[None], axis=-1), scenario)
             factor = cho_factor(gram + scenario.noise * np.eye(len(y)), lower=True)
             weights = cho_solve(factor, y)
+        else:  # one without weight: batches take no arrays without elements
+            x, weights = np.zeros((1, 2)), np.zeros(1)
         real = jnp.result_type(float)
         kernel = Matern32(scenario.length_scale, scenario.signal_variance)
         return cls(jnp.asarray(x, real), jnp.asarray(weights, real), kernel)

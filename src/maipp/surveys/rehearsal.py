@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -12,12 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from maipp.belief import rmse
-from maipp.errors import InputError
+from maipp.belief import Matern32, rmse
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, State, run_missions
 from maipp.simulator.metrics import interest_of, pooled_belief
-from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
@@ -116,13 +113,7 @@ def rehearse(
         if fields is None:
             missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=field)
         else:
-            missions = _on_fields(prepared, draw(
-                prepared,
-                planner,
-                seed=seed,
-                instances=rehearsal.fields,
-                field=ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y),
-            ), fields)
+            missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
         states = run_missions(prepared.scenario, planner, missions, key)
         teams.append(_in_units(prepared, name, count, jax.device_get(outcomes(prepared.scenario, missions, states))))
     if progress is not None:
@@ -131,7 +122,7 @@ def rehearse(
     return RehearsalResult(survey, tuple(teams), rehearsal.fields, on, first.warnings)
 
 
-def _on_fields(prepared: PreparedSurvey, missions: Mission, fields: Any) -> Mission:
+def _on_fields(missions: Mission, fields: Any) -> Mission:
     """The missions, mission i on field i."""
     truth = jax.jit(jax.vmap(lambda field, grid: field(grid)))(fields, missions.grid)
     return dataclasses.replace(missions, field=fields, truth=truth)
@@ -139,10 +130,19 @@ def _on_fields(prepared: PreparedSurvey, missions: Mission, fields: Any) -> Miss
 
 def _drawn(prepared: PreparedSurvey, count: int, seed: int) -> Any:
     """`count` fields as likely as the prior and the samples have it, one pytree with a leading axis."""
-    from maipp.fields.gp_field import sample_gp_field
+    from maipp.fields.gp_field import draw_fields
 
-    keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), count)
-    raise NotImplementedError
+    scenario = prepared.scenario
+    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    key = jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM)
+    x, y = prepared.prior or (None, None)
+    fields = draw_fields(key, kernel, count, x=x, y=y, noise=scenario.noise)
+    if x is not None:
+        return fields
+    # One sample without weight: batches take no arrays without elements.
+    real = fields.phase.dtype
+    room = jnp.zeros((count, 1, 2), real), jnp.zeros((count, 1), real)
+    return eqx.tree_at(lambda field: (field.samples, field.weights), fields, room)
 
 
 @eqx.filter_jit

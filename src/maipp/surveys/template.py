@@ -6,9 +6,9 @@ TEMPLATE = """\
 
 name: lake                       # what mission files and figures are titled with
 
-# Where. A GeoJSON file (Polygon, MultiPolygon, Feature or FeatureCollection; holes are islands), the same inline, a list
-# of positions around the border, or the cells of a gridded map: {raster: FILE, below: 0}. Positions are [longitude,
-# latitude] in degrees (WGS84), or [x, y] in metres with `metres: true`.
+# Where. A GeoJSON file (Polygon, MultiPolygon, Feature or FeatureCollection; holes are islands), the same inline, a
+# list of positions around the border, or the cells of a gridded map: {raster: FILE, below: 0}. Positions are
+# [longitude, latitude] in degrees (WGS84), or [x, y] in metres with `metres: true`.
 area: [[4.7300, 52.2400], [4.7460, 52.2400], [4.7480, 52.2460], [4.7400, 52.2500], [4.7300, 52.2480]]
 # metres: false
 no_go:                           # zones that no robot may enter, in any of these forms
@@ -35,6 +35,8 @@ kernel:                          # ... or given here; what is given wins over th
   length_scale_m: 300            # distance over which values stay alike
   mean: 9
   std: 4
+
+# vehicle: boat                  # whom mission files are for; or {kind: copter, altitude_m: 20, autopilot: px4}
 
 # How (`maipp planners` lists the planners and their options).
 planner: receding-horizon
