@@ -84,7 +84,7 @@ def _per_axis(
 
 
 def _errors(x: Float[np.ndarray, "n 2"], best: Optimum) -> tuple[float | None, float | None, float | None]:
-    """Standard errors of the logs of length scale, signal and noise variance; None on a bound, or where none is known."""
+    """Standard errors of the logs of length scale, signal and noise variance; None on a bound."""
     scale, ratio = (float(p) for p in np.exp(best.parameters))
     variance = best.likelihood.variance
     known = information(squared_differences(x, per_axis=False), scale, variance, ratio * variance)

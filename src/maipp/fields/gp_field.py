@@ -36,16 +36,14 @@ class PosteriorField(eqx.Module):
     variance: Float[Array, "*b"]  # of the prior, squared field units
     mean: Float[Array, "*b"]  # of the prior
     samples: Float[Array, "*b p 2"]  # where the field was measured
-    weights: Float[Array, "*b p"]  # of the kernel around each sample
+    weights: Float[Array, "*b p"]  # of the kernel around each sample; without samples there is one of weight 0
 
     def __call__(self, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
         """Field values at the points."""
         points = jnp.asarray(points)
         waves = jnp.cos(points @ self.frequency.T + self.phase).sum(axis=-1)
-        values = self.mean + jnp.sqrt(2.0 * self.variance / self.phase.shape[-1]) * waves
-        if self.samples.shape[-2] == 0:
-            return values
-        return values + Matern32(self.length_scale, self.variance).matrix(points, self.samples) @ self.weights
+        correction = Matern32(self.length_scale, self.variance).matrix(points, self.samples) @ self.weights
+        return self.mean + jnp.sqrt(2.0 * self.variance / self.phase.shape[-1]) * waves + correction
 
 
 def draw_fields(
@@ -86,14 +84,16 @@ def draw_fields(
         return jnp.full(instances, number, frequency.dtype)
 
     frequency, phase, errors = jax.jit(jax.vmap(draw))(jnp.arange(instances))
+    # Arrays without elements cannot be split over devices.
+    shown = at if len(at) else np.zeros((1, 2))
     prior = PosteriorField(
         frequency,
         phase,
         every(scale),
         every(variance),
         every(mean),
-        jnp.broadcast_to(jnp.asarray(at, frequency.dtype), (instances, *at.shape)),
-        jnp.zeros((instances, len(at))),
+        jnp.broadcast_to(jnp.asarray(shown, frequency.dtype), (instances, *shown.shape)),
+        jnp.zeros((instances, len(shown)), frequency.dtype),
     )
     if not len(at):
         return prior
