@@ -57,8 +57,8 @@ def to_csv(result: RehearsalResult) -> str:
     return text.getvalue()
 
 
-def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
-    """The cells of the table, its heading first: means, standard deviations, 10-90 % ranges."""
+def rows(result: RehearsalResult, between: str = " ") -> list[tuple[str, ...]]:
+    """The cells of the table, its heading first: mean and standard deviation, `between`, and the 10-90 % range."""
     unit = f" ({result.survey.unit})" if result.survey.unit else ""
     table = [("planner", "robots", "Tr(P)", "of initial", f"RMSE{unit}", "found", "minutes")]
     for team in result.teams:
@@ -66,10 +66,10 @@ def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
             (
                 team.planner,
                 str(team.robots),
-                _cell(spread(team.trace)),
-                _cell(spread(team.trace_share), percent=True),
-                _cell(spread(team.rmse)),
-                _cell(spread(team.found), percent=True),
+                _cell(spread(team.trace), between),
+                _cell(spread(team.trace_share), between, percent=True),
+                _cell(spread(team.rmse), between),
+                _cell(spread(team.found), between, percent=True),
                 f"{spread(team.minutes).mean:.0f}",
             )
         )
@@ -78,11 +78,11 @@ def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
 
 def summary_table(result: RehearsalResult) -> Table:
     """The table for a terminal."""
-    heading, *lines = rows(result)
+    heading, *lines = rows(result, between="\n")
     caption = "mean \u00b1 standard deviation over fields (10 % to 90 %)"
     table = Table(title=_title(result), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for index, name in enumerate(heading):
-        table.add_column(name, justify="left" if index == 0 else "right")
+        table.add_column(name, justify="left" if index == 0 else "right", no_wrap=True)
     for line in lines:
         table.add_row(*line)
     return table
@@ -161,14 +161,15 @@ def _robots(count: int) -> str:
     return f"{count} robot{'s' if count > 1 else ''}"
 
 
-def _cell(values: Spread, *, percent: bool = False) -> str:
+def _cell(values: Spread, between: str, *, percent: bool = False) -> str:
     if math.isnan(values.mean):
         return "-"
 
     def number(value: float) -> str:
         return f"{value:.0%}" if percent else f"{value:.3g}"
 
-    return f"{number(values.mean)} \u00b1 {number(values.std)} ({number(values.low)} to {number(values.high)})"
+    middle = f"{number(values.mean)} \u00b1 {number(values.std)}"
+    return f"{middle}{between}({number(values.low)} to {number(values.high)})"
 
 
 def _title(result: RehearsalResult) -> str:
