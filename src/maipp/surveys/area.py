@@ -4,6 +4,7 @@ Everything here is in local metres.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -194,6 +195,6 @@ def _square(area: float) -> str:
     return f"{area:.0f} m2" if area < 1e6 else f"{area / 1e6:.4g} km2"
 
 
-def as_region(polygons: list[Polygon]) -> BaseGeometry:
+def as_region(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of polygons; empty without any."""
     return shapely.union_all(polygons) if polygons else MultiPolygon()

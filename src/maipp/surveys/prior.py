@@ -126,6 +126,8 @@ def _samples(
     samples = load_samples(path, **survey.samples.columns)
     user = np.stack([np.asarray(samples.x, np.float64), np.asarray(samples.y, np.float64)], axis=-1)
     values = np.asarray(samples.value, np.float64)
+    if samples.dropped:
+        warnings.append(f"{path.name}: {samples.dropped} lines without a position or a value left out")
     frame = place.frame
     if frame.geographic:
         check_degrees(user, str(path))

@@ -54,7 +54,7 @@ class PreparedSurvey:
     region: Polygon  # where routes may go, local metres
     margin: float  # metres that routes keep from everything they must not cross, at least
     area: Float[np.ndarray, "v 2"]  # border of the area, user coordinates
-    no_go: tuple[Float[np.ndarray, "w 2"], ...]  # borders of what must not be entered, user coordinates
+    no_go: tuple[Float[np.ndarray, "_ 2"], ...]  # borders of what must not be entered, user coordinates
     warnings: tuple[str, ...]
 
     def make_planner(self) -> "Planner":
@@ -221,7 +221,7 @@ def _thinned(prior: Prior, warnings: list[str]) -> tuple[Float[np.ndarray, "p 2"
     return prior.x[kept], prior.y[kept]
 
 
-def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "w 2"], ...]]:
+def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "_ 2"], ...]]:
     """The border of the area's part that is surveyed, and of what must not be entered, user coordinates."""
     point = space.region.representative_point()
     parts = [part for part in shapely.get_parts(place.area) if isinstance(part, Polygon)]
