@@ -11,7 +11,7 @@ from maipp.errors import InputError
 from maipp.simulator.episode_io import dump_episode, parse_episode
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.expected_mission import expected_mission
-from maipp.surveys.routes import check_routes, minutes, route_plan, vertices
+from maipp.surveys.routes import check_files, check_routes, minutes, route_plan, vertices
 from tests.surveys.conftest import SQUARE, prepared_from
 
 SEA = """
@@ -103,3 +103,12 @@ def test_the_expected_field_is_the_posterior_mean():
     )
     empty = ExpectedField.of(scenario, np.zeros((0, 2)), np.zeros(0))
     assert (np.asarray(empty(jnp.asarray(at))) == 0).all()
+
+
+def test_what_files_cannot_hold_is_told_before_planning():
+    text = SEA.replace("[[4,55],[14,55],[14,60],[4,60]]", "[[178,55],[-178,55],[-178,57],[178,57]]")
+    text = text.replace(", [[7,57],[7.5,57],[7.5,57.5]]", "").replace("[5, 56]", "[179.9, 56]")
+    prepared = prepared_from(text)
+    assert prepared.region.area > 0 and prepared.frame.size[0] < 300_000
+    with pytest.raises(InputError, match="mission.yaml: area: crosses the 180th meridian"):
+        check_files(prepared)
