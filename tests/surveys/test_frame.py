@@ -14,10 +14,11 @@ from maipp.surveys import frame as frame_module
 from maipp.surveys.frame import Frame, project, unproject, wrap
 
 METRIC = Frame(False, (0.0, 0.0), (5e5, 5.4e6), (2000.0, 500.0), 12.0, 4.0, False, "salt", "g/L")
+shares = st.tuples(st.floats(0, 1), st.floats(0, 1))
 degrees = st.tuples(st.floats(-179.9, 179.9), st.floats(-80, 80))
 
 
-@given(centre=degrees, size=st.tuples(st.floats(1, 5e5), st.floats(1, 5e5)), share=st.tuples(*[st.floats(0, 1)] * 2))
+@given(centre=degrees, size=st.tuples(st.floats(1, 5e5), st.floats(1, 5e5)), share=shares)
 def test_degrees_lead_to_the_domain_and_back(centre, size, share):
     frame = Frame(True, centre, (-size[0] / 2, -size[1] / 2), size)
     point = np.array(share) * frame.extent
@@ -30,14 +31,15 @@ def test_degrees_lead_to_the_domain_and_back(centre, size, share):
 @given(centre=degrees, angle=st.floats(0, 360), distance=st.floats(1, 4e5))
 def test_lengths_from_the_centre_are_those_on_the_ellipsoid(centre, angle, distance):
     # pyproj's geodesics are Karney's algorithm, not the projection that the frame uses.
-    longitude, latitude, _ = pyproj.Geod(ellps="WGS84").fwd(*centre, angle, distance)
+    longitude, latitude, _ = pyproj.Geod(ellps="WGS84").fwd(centre[0], centre[1], angle, distance)
     assert np.hypot(*project(centre, np.array([longitude, latitude]))) == pytest.approx(distance, rel=1e-6, abs=1e-3)
 
 
 @given(centre=degrees, x=st.floats(-5e5, 5e5), y=st.floats(-5e5, 5e5))
 def test_lengths_far_from_the_centre_are_right_to_a_thousandth_or_two(centre, x, y):
     ends = unproject(centre, np.array([[x, y], [x + 700.0, y - 700.0]]))
-    (_, _, length) = pyproj.Geod(ellps="WGS84").inv(*ends[0], *ends[1])
+    (west, south), (east, north) = ends.tolist()
+    (_, _, length) = pyproj.Geod(ellps="WGS84").inv(west, south, east, north)
     assert length == pytest.approx(np.hypot(700, 700), rel=2e-3)
 
 

@@ -122,7 +122,7 @@ def test_the_same_place_in_degrees_and_in_metres_is_the_same_problem():
     assert metres.scenario.budgets == pytest.approx(degrees.scenario.budgets, rel=1e-4)
     assert np.array(metres.scenario.starts) == pytest.approx(np.array(degrees.scenario.starts), abs=1e-3)
     assert metres.region.area == pytest.approx(degrees.region.area, rel=1e-3)
-    assert frame.to_user(np.array(degrees.scenario.starts[0])) == pytest.approx([4.7302, 52.2402], abs=1e-4)
+    assert frame.to_user(np.array(degrees.scenario.starts)[0]) == pytest.approx([4.7302, 52.2402], abs=1e-4)
 
 
 ISLAND = "[[600,600],[700,600],[700,700],[600,700]]"

@@ -132,7 +132,8 @@ def _shrink(true: BaseGeometry, clearance: float, longest: float) -> tuple[list[
         opened = shapely.buffer(core, neck, quad_segs=_QUADRANT)
         parts = [part for part in shapely.get_parts(opened) if isinstance(part, Polygon)]
         # Islands survive: the simplification keeps the topology, and an island has grown by the shift.
-        parts = [_valid(part.simplify(tolerance)) for part in parts if part.area > (4 * tolerance) ** 2]
+        simple = [part.simplify(tolerance) for part in parts if part.area > (4 * tolerance) ** 2]
+        parts = [_valid(part) for part in simple if isinstance(part, Polygon)]
         count = max((shapely.get_num_coordinates(part) for part in parts), default=0)
         if count <= MOST_VERTICES or tolerance >= longest * _COARSEST:
             return parts, shift + neck, clearance + tolerance
