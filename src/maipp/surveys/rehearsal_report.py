@@ -4,7 +4,6 @@ import csv
 import io
 import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from rich import box
@@ -12,31 +11,14 @@ from rich.table import Table
 
 from maipp.files import write_atomic
 from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam
+from maipp.surveys.rehearsal_figure import save_figure
+from maipp.surveys.spread import Spread, spread
 from maipp.typing import Float
 
 # An improvement below this share is called small, however sure.
 _CLEAR = 0.10
 # Standard errors of the paired differences from which a difference is told as one.
 _SURE = 2.0
-
-
-class Spread(NamedTuple):
-    """One measure over all fields; NaN values (nothing of high interest) left out."""
-
-    mean: float
-    std: float
-    low: float  # 10th percentile
-    high: float  # 90th
-
-
-def spread(values: Float[np.ndarray, " f"]) -> Spread:
-    """Mean, standard deviation and the range of the middle 80 %; NaN throughout where no value counts."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return Spread(*[math.nan] * 4)
-    std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-    low, high = np.percentile(values, [10, 90])
-    return Spread(float(values.mean()), std, float(low), float(high))
 
 
 _COLUMNS = ("planner", "robots", "field", "trace", "trace_before", "trace_share", "rmse", "rmse_before")
@@ -196,8 +178,6 @@ def markdown(result: RehearsalResult) -> str:
 
 def write_report(result: RehearsalResult, folder: Path) -> list[str]:
     """Write rehearsal.csv, rehearsal.md and rehearsal.png to the folder; gives their names."""
-    from maipp.surveys.rehearsal_figure import save_figure
-
     write_atomic(folder / "rehearsal.csv", to_csv(result))
     write_atomic(folder / "rehearsal.md", markdown(result))
     save_figure(result, folder / "rehearsal.png")
