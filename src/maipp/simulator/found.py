@@ -47,9 +47,9 @@ def _share(part: Float[Array | np.ndarray, "*b"], whole: Float[Array | np.ndarra
 
 
 def area_found(
-    true: Bool[Array | np.ndarray, "*b q"],
-    predicted: Bool[Array | np.ndarray, "*b q"],
-    inside: Bool[Array | np.ndarray, "*b q"],
+    true: Bool[Array | np.ndarray, "*#b q"],
+    predicted: Bool[Array | np.ndarray, "*#b q"],
+    inside: Bool[Array | np.ndarray, "*#b q"],
 ) -> AreaFound:
     """The area found at the points inside the survey area; leading axes broadcast."""
     xp = np if isinstance(predicted, np.ndarray) else jnp
