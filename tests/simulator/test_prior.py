@@ -12,6 +12,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.errors import InputError
+from maipp.planners import make_planner
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
@@ -189,6 +190,20 @@ def test_without_noise_of_their_own_samples_have_the_scenario_s(finished):
     ):
         np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-4)
     assert prior[0].shape == (SAMPLES, 2)
+
+
+def test_robots_go_where_old_samples_are_not():
+    """The west is known to hold nothing; of what the robots may measure, little lies there."""
+    scenario = Scenario.create(agents=2, budget=1.0, grid=8, nodes=40, neighbours=6, start=[0.5, 0.5])
+    planner = make_planner("shared-greedy", scenario)
+    x = np.stack(np.meshgrid(np.linspace(0, 0.45, 4), np.linspace(0, 1, 7), indexing="ij"), axis=-1).reshape(-1, 2)
+    west = []
+    for prior in (None, (x, np.zeros(len(x)))):
+        missions = draw_missions(scenario, seed=2, instances=6, prior=prior)
+        states = run_missions(scenario, planner, missions, jax.random.key(0))
+        measured = np.isfinite(states.measurement_time)
+        west.append((np.asarray(states.measurement_x)[measured][:, 0] < 0.45).mean())
+    assert west[0] > 0.3 and west[1] < 0.1
 
 
 NAN = [np.nan, 1.0]
