@@ -59,7 +59,7 @@ def test_a_survey_leaves_five_files_that_agree(tmp_path, capsys):
     for name in FILES:
         assert f"wrote {out / name}" in printed
     report(dataclasses.replace(episode, prior=PriorSamples(np.zeros((7, 2)), np.zeros(7))), [])
-    assert re.search(r"prior samples +7\n", capsys.readouterr().out)
+    assert re.search(r"prior samples +7\b", capsys.readouterr().out)
 
 
 def test_a_field_from_a_file_is_surveyed_in_its_units(tmp_path, raster):
