@@ -38,7 +38,9 @@ def test_north_up_with_cell_centres_and_reference_system(tmp_path):
         spots = [(500030.0, 5200015.0), (500070.0, 5200025.0)]
         theirs = [float(value[0]) for value in file.sample(spots)]
     field = Raster.from_data(data)
-    ours = field.mapping.to_file_values(field(jnp.asarray(field.mapping.to_domain_points(np.array(spots)), jnp.float32)))
+    ours = field.mapping.to_file_values(
+        field(jnp.asarray(field.mapping.to_domain_points(np.array(spots)), jnp.float32))
+    )
     np.testing.assert_allclose(ours, theirs, rtol=1e-5)
 
 
