@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ GOOD = {"name": "a", "points": [[0.0, 0.0], [1.0, 1.0]], "times": [0.0, 2.0], "s
 
 
 def route(**changes):
-    values = {**GOOD, **changes}
+    values: dict[str, Any] = {**GOOD, **changes}
     return Route(**{key: np.array(value) if isinstance(value, list) else value for key, value in values.items()})
 
 
