@@ -1,5 +1,6 @@
 """Gridded fields as people bring them: .npz, .npy and .csv files read to one checked grid."""
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -12,8 +13,18 @@ from maipp.errors import InputError
 from maipp.fields.raster_csv import csv_columns, grid_from_rows, parse_csv
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, numeric
 
-# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short.
-BROKEN = (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of
+# headers lets through what Python's tokenizer says of them, and sizes that no memory holds.
+BROKEN = (
+    ValueError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+    tokenize.TokenError,
+    OverflowError,
+    MemoryError,
+)
 
 
 def load_raster(path: str | Path, *, value: str | None = None, extent: Sequence[float] | None = None) -> RasterData:
