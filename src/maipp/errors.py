@@ -2,7 +2,7 @@
 
 import unicodedata
 
-# Line breaks, terminal codes, halves of characters: what came out of a broken file must not reach the terminal as it is.
+# Line breaks, terminal codes, halves of characters: what a broken file holds must not reach the terminal as it is.
 _ESCAPED = ("Cc", "Cs", "Zl", "Zp")
 _LONGEST = 1000  # characters; a file may hold "numbers" of 100,000 digits
 
@@ -21,9 +21,13 @@ def one_line(text: str) -> str:
     """The text with control characters and line breaks escaped, and shortened in the middle to 1000 characters."""
     escaped = "".join(
         character.encode("unicode_escape").decode() if unicodedata.category(character) in _ESCAPED else character
-        for character in text
+        for character in _shortened(text)
     )
-    if len(escaped) <= _LONGEST:
-        return escaped
+    return _shortened(escaped)
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= _LONGEST:
+        return text
     half = (_LONGEST - 5) // 2
-    return f"{escaped[:half]} ... {escaped[-half:]}"
+    return f"{text[:half]} ... {text[-half:]}"

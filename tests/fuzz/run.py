@@ -10,7 +10,6 @@ import os
 import resource
 import signal
 import sys
-import tempfile
 import time
 import traceback
 from collections import Counter
@@ -48,12 +47,12 @@ def main() -> int:
 def _run(name: str, first: int, count: int, keep: Path) -> int:
     """How many of the inputs fail."""
     from fuzz_mutate import malformed
-    from fuzz_targets import TARGETS, Failure, check
+    from fuzz_targets import TARGETS, Failure, check, working_folder
 
     target = TARGETS[name]
     seeds, accepted, places = target.seeds(), 0, Counter()
     began = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
+    with working_folder() as folder:
         for number in range(first, first + count):
             data = malformed(seeds, number, target.tokens)
             signal.alarm(SECONDS)

@@ -15,13 +15,13 @@ NAMESPACE = "{http://www.topografix.com/GPX/1/1}"
 
 # The sequences of the GPX 1.1 schema (gpxType, metadataType, wptType, rteType), as far as they are used here or
 # stand between what is used: elements may be left out, but not be in another order.
-WPT: list[str] = "ele time magvar geoidheight name cmt desc src link sym type fix sat hdop extensions".split()
-SEQUENCES: dict[str, list[str]] = {
-    "gpx": "metadata wpt rte trk extensions".split(),
-    "metadata": "name desc author copyright link time keywords bounds extensions".split(),
+WPT = tuple("ele time magvar geoidheight name cmt desc src link sym type fix sat hdop extensions".split())
+SEQUENCES: dict[str, tuple[str, ...]] = {
+    "gpx": tuple("metadata wpt rte trk extensions".split()),
+    "metadata": tuple("name desc author copyright link time keywords bounds extensions".split()),
     "wpt": WPT,
     "rtept": WPT,
-    "rte": "name cmt desc src link number type extensions rtept".split(),
+    "rte": tuple("name cmt desc src link number type extensions rtept".split()),
 }
 TEXT = {"name", "cmt", "desc", "type", "number"}
 

@@ -12,7 +12,8 @@ GOOD = {"name": "a", "points": [[0.0, 0.0], [1.0, 1.0]], "times": [0.0, 2.0], "s
 
 def route(**changes):
     values: dict[str, Any] = {**GOOD, **changes}
-    return Route(**{key: np.array(value) if isinstance(value, list) else value for key, value in values.items()})
+    values |= {key: np.array(value) for key, value in values.items() if isinstance(value, list)}
+    return Route(**values)
 
 
 def plan(**changes):

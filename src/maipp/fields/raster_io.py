@@ -14,9 +14,11 @@ from maipp.fields.raster_csv import csv_columns, grid_from_rows, parse_csv
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, numeric
 
 # What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of
-# headers lets through what Python's tokenizer says of them, and sizes that no memory holds.
+# headers lets through what Python's tokenizer and parser say of them, and sizes that no memory holds.
 BROKEN = (
     ValueError,
+    TypeError,
+    SyntaxError,
     EOFError,
     RuntimeError,
     zipfile.BadZipFile,
