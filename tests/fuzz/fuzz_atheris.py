@@ -1,5 +1,6 @@
 """The same targets under atheris, which mutates towards code it has not seen; called by `run.py --atheris SECONDS`."""
 
+import importlib
 import sys
 import tempfile
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 def search(name: str, seconds: int, keep: Path) -> int:
     """Search one target for so long; libFuzzer ends the process at the first failure and keeps its input."""
     try:
-        import atheris  # type: ignore[import-not-found]
+        atheris = importlib.import_module("atheris")  # not a dependency
     except ImportError:
         print("atheris is not installed: pip install atheris, in an environment of its own", file=sys.stderr)
         return 2

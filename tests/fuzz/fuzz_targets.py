@@ -149,7 +149,7 @@ _VALUES = np.arange(12.0).reshape(4, 3) ** 1.5 - 7.0
 def _raster_csv_seeds() -> list[bytes]:
     rows = [(x, y, _VALUES[j, i]) for j, y in enumerate(_Y) for i, x in enumerate(_X)]
     long = "\n".join(",".join(f"{cell:.4g}" for cell in row) for row in rows)
-    matrix = "\n".join(" ".join(f"{cell:.4g}" for cell in row) for row in _VALUES)
+    matrix = "\n".join(" ".join(f"{cell:.4g}" for cell in row) for row in _VALUES.T)
     headed = f"lon,lat,depth\n{long}\n"
     texts = [headed, long, matrix, headed.replace(",", ";"), f"\ufeff# made by hand\n{headed}".replace("\n", "\r\n")]
     return [text.encode() for text in texts]
