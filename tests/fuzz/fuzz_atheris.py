@@ -14,7 +14,8 @@ def search(name: str, seconds: int, keep: Path) -> int:
         print("atheris is not installed: pip install atheris, in an environment of its own", file=sys.stderr)
         return 2
     with atheris.instrument_imports(include=["maipp", "yaml"]):
-        from fuzz_targets import TARGETS, check
+        from fuzz_check import check
+        from fuzz_targets import TARGETS
 
     target = TARGETS[name]
     keep.mkdir(parents=True, exist_ok=True)

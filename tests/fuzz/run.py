@@ -46,8 +46,9 @@ def main() -> int:
 
 def _run(name: str, first: int, count: int, keep: Path) -> int:
     """How many of the inputs fail."""
+    from fuzz_check import Failure, check, working_folder
     from fuzz_mutate import malformed
-    from fuzz_targets import TARGETS, Failure, check, working_folder
+    from fuzz_targets import TARGETS
 
     target = TARGETS[name]
     seeds, accepted, places = target.seeds(), 0, Counter()

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz_check import Failure, Target, check, not_finite, working_folder
 from fuzz_mutate import malformed
-from fuzz_targets import TARGETS, Failure, Target, check, not_finite, working_folder
+from fuzz_targets import TARGETS
 
 from maipp.errors import InputError
 
