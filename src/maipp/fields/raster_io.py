@@ -1,5 +1,6 @@
 """Gridded fields as people bring them: NumPy, CSV, GeoTIFF and NetCDF files read to one checked grid."""
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -15,8 +16,20 @@ from maipp.fields.raster_geotiff import read_geotiff
 from maipp.fields.raster_netcdf import read_netcdf
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
 
-# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short.
-BROKEN = (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of
+# headers lets through what Python's tokenizer and parser say of them, and sizes that no memory holds.
+BROKEN = (
+    ValueError,
+    TypeError,
+    SyntaxError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+    tokenize.TokenError,
+    OverflowError,
+    MemoryError,
+)
 
 
 SUFFIXES = (".npz", ".npy", ".csv", ".tif", ".tiff", ".nc", ".nc4", ".cdf")

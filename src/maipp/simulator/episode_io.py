@@ -100,7 +100,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
     return Episode(
         scenario=scenario,
         planner=record["planner"]["name"].text(),
-        options=record["planner"]["options"].mapping(),
+        options=_options(record["planner"]["options"]),
         seed=record["seed"].whole(),
         index=record["index"].whole(),
         agents=agents,
@@ -187,6 +187,16 @@ def _prior(prior: PriorSamples) -> dict[str, Any]:
 def _plain(array: np.ndarray) -> list:
     """Nested lists of the shortest decimals that read back as these numbers."""
     return [_plain(row) if array.ndim > 1 else shortest(row) for row in array]
+
+
+def _options(key: Key) -> dict[str, Any]:
+    """The planner's options, which are as the planner wrote them: any JSON."""
+    options = key.mapping()
+    try:
+        json.dumps(options, allow_nan=False)
+    except ValueError:  # Python reads NaN and 1e999, and would not write them again
+        key.wrong("holds a number that is not finite")
+    return options
 
 
 def _scenario(key: Key) -> Scenario:
