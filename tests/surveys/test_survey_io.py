@@ -65,7 +65,9 @@ def test_an_area_may_be_the_cells_of_a_map(tmp_path):
     text = LEAST.replace("[[4, 52], [4.1, 52], [4.1, 52.1]]", "{raster: map.npz, below: 0}")
     area = parse_survey(text, folder=tmp_path).area
     assert isinstance(area, RasterArea) and area.below and area.level == 0
-    assert "give one of below and above" in wrong(text.replace(", below: 0", ""), tmp_path)
+    assert "give one of below and above" in wrong(text.replace(", below: 0", ", below: 0, above: 2"), tmp_path)
+    everywhere = parse_survey(text.replace(", below: 0", ""), folder=tmp_path).area
+    assert isinstance(everywhere, RasterArea) and everywhere.level is None
 
 
 @pytest.mark.parametrize(

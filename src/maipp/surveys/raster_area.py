@@ -17,21 +17,26 @@ from maipp.surveys.survey import RasterArea
 def raster_polygons(source: RasterArea, *, geographic: bool) -> list[Polygon]:
     """The polygons between the level's contour lines, in the raster's coordinates, holes (islands) included.
 
-    Between grid points the map is taken as linear. Longitudes may be 0 to 360. Raises `InputError` where the raster
+    Between grid points the map is taken as linear; squares with a corner that holds no value are left out. Longitudes
+    may be 0 to 360. Raises `InputError` where the raster
     cannot be read, is not in degrees though it should be, or has no cell on the asked side.
     """
-    data = load_raster(source.raster, value=source.value)
+    data = load_raster(source.raster, value=source.value, gaps="nearest")
     if geographic:
         check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), str(source.raster))
     values = data.values if source.below else -data.values
-    level = source.level if source.below else -source.level
-    if not (values < level).any():
+    if source.level is None:
+        values, level = np.zeros_like(values), 1.0
+    else:
+        level = source.level if source.below else -source.level
+    held = np.ones(values.shape, bool) if data.missing is None else ~data.missing
+    if source.level is not None and not (values < level)[held].any():
         low, high = float(data.values.min()), float(data.values.max())
         side = "below" if source.below else "above"
         raise InputError(f"{source.where}: no cell lies {side} {source.level:g}; the raster has {low:g} to {high:g}")
     lowest = min(float(values.min()), level) - 1.0
     axes = Figure().add_subplot()
-    (path,) = axes.contourf(data.x, data.y, values, levels=[lowest, level]).get_paths()
+    (path,) = axes.contourf(data.x, data.y, np.ma.masked_array(values, ~held), levels=[lowest, level]).get_paths()
     outlines = [np.asarray(ring) for ring in path.to_polygons(closed_only=True)]
     rings = [Polygon(ring) for ring in outlines if len(ring) >= 4]
     # Outer rings and holes come without saying which is which: what lies in an even number of rings is outside.
@@ -39,7 +44,7 @@ def raster_polygons(source: RasterArea, *, geographic: bool) -> list[Polygon]:
     region = functools.reduce(_exclusive, sorted(valid, key=lambda ring: -ring.area))
     parts = [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and part.area > 0]
     if not parts:
-        raise InputError(f"{source.where}: the cells on that side of {source.level:g} have no area; give another level")
+        raise InputError(f"{source.where}: no four cells beside each other are in the area; give another level")
     return parts
 
 

@@ -17,11 +17,11 @@ _LEAST_COVERED = 0.95  # share of the free area that the map must cover
 
 
 def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None) -> Raster:
-    """The map resampled to the domain, its values standardised; beyond the map's edge its border values go on.
+    """The map resampled to the domain, its values standardised; where the map has no value its nearest one stands.
 
     Raises `InputError` for a map that cannot be read, or that does not cover the area.
     """
-    data, frame = load_raster(path, value=value), prepared.frame
+    data, frame = load_raster(path, value=value, gaps="nearest"), prepared.frame
     width, height = frame.extent
     x = np.linspace(0.0, width, max(int(_POINTS * width), 2))
     y = np.linspace(0.0, height, max(int(_POINTS * height), 2))
@@ -35,6 +35,8 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None)
     # Half a cell beyond: values of a map stand for their cells.
     half = (high - low) / (np.array([len(data.x), len(data.y)]) - 1) / 2
     covered = np.asarray(np.all((user >= low - half) & (user <= high + half), axis=-1))
+    at = np.clip(user, low, high)
+    covered &= data.known(at.reshape(-1, 2)).reshape(covered.shape)
     metres = domain * frame.metres_per_unit + frame.origin
     inside = np.asarray(shapely.intersects_xy(prepared.region, metres[..., 0], metres[..., 1]))
     share = float(covered[inside].mean()) if inside.any() else float(covered.mean())
@@ -44,6 +46,5 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None)
             f"{high[1]:.6g}); give a raster of all of it"
         )
     read = RegularGridInterpolator((data.y, data.x), data.values)
-    at = np.clip(user, low, high)
     values = frame.to_domain_values(read(at[..., ::-1]))
     return Raster(jnp.asarray(values), jnp.asarray(x), jnp.asarray(y), frame.mapping)

@@ -24,11 +24,11 @@ class Robot:
 
 @dataclass(frozen=True)
 class RasterArea:
-    """The area as the cells of a gridded map that hold values on one side of a level."""
+    """The area as the cells of a gridded map that hold values, or values on one side of a level."""
 
     raster: Path
     value: str | None  # array or column of the file
-    level: float
+    level: float | None  # None: wherever the map has values
     below: bool  # values below the level are in the area; else those above
     where: str
 

@@ -134,13 +134,13 @@ def _area(entry: Entry, folder: Path) -> tuple[Rings, ...] | RasterArea:
         keys = entry.children(RASTER_AREA_KEYS)
         if "raster" not in keys:
             entry.wrong(f"{show(entry.value)} is neither {_RINGS}, nor a raster with a level")
-        if ("below" in keys) == ("above" in keys):
-            entry.wrong("give one of below and above: the level that bounds the raster's cells in the area")
+        if "below" in keys and "above" in keys:
+            entry.wrong("give one of below and above, or none for all cells that hold a value")
         side = "below" if "below" in keys else "above"
         return RasterArea(
             raster=_file(keys["raster"], folder, "the path of a raster"),
             value=keys["value"].text("the name of an array or column") if "value" in keys else None,
-            level=keys[side].number("a level in the raster's unit"),
+            level=keys[side].number("a level in the raster's unit") if side in keys else None,
             below=side == "below",
             where=f"{entry.where}: {entry.key}",
         )
