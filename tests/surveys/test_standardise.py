@@ -167,3 +167,13 @@ def test_borders_of_many_vertices_are_thinned_for_autopilots(tmp_path):
     prepared = prepared_from(text)
     assert len(prepared.area) < 400
     assert shapely.Polygon(prepared.area).buffer(1e-6).covers(prepared.region)
+
+
+def test_a_zone_across_an_ocean_is_cut_to_what_is_near():
+    zone = "  - [[4.7370, 52.2440], [160.0, 52.2440], [160.0, 80.0], [4.7370, 80.0]]"
+    line = next(line for line in TEMPLATE.splitlines() if line.startswith("  - [[4.7370"))
+    prepared = prepare(parse_survey(TEMPLATE.replace(line, zone)))
+    (border,) = prepared.no_go
+    assert len(border) < 20 and border[:, 0].max() < 4.8
+    east = prepared.frame.to_domain(np.array([4.745, 52.246]))
+    assert not Obstacles(prepared.scenario.obstacles).free(east[None])[0]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
@@ -54,7 +54,10 @@ def find_place(survey: Survey) -> Place:
     frame = Frame(
         geographic, centre, (0.0, 0.0), (1.0, 1.0), below=survey.below, quantity=survey.quantity, unit=survey.unit
     )
-    piece = max(east - west, north - south) / _PIECES
+    longest = max(east - west, north - south)
+    piece = longest / _PIECES
+    # What of a zone lies far from the area is cut off, before a zone across an ocean is cut into small pieces.
+    near = shapely.box(west - longest, south - longest, east + longest, north + longest)
     area = as_region([_to_metres(frame, polygon, piece) for polygon in polygons])
     check_size(area.bounds, where)
     x0, y0, x1, y1 = area.bounds
@@ -62,7 +65,7 @@ def find_place(survey: Survey) -> Place:
     zones, warnings = [], []
     for zone in survey.no_go:
         parts = [to_polygon(rings, geographic=geographic, reference=reference) for rings in zone]
-        region = as_region([_to_metres(frame, polygon, piece) for polygon in parts])
+        region = as_region([_to_metres(frame, shapely.intersection(polygon, near), piece) for polygon in parts])
         if not region.intersects(area):
             warnings.append(f"{zone[0].where}: this no-go zone lies outside the area and changes nothing")
         zones.append(region)
@@ -97,13 +100,10 @@ class PlaceNames(Told):
         return Point(self.frame.to_metres(np.array([y, x])))
 
 
-def _to_metres(frame: Frame, polygon: Polygon, piece: float) -> BaseGeometry:
-    """The polygon in local metres."""
+def _to_metres(frame: Frame, region: BaseGeometry, piece: float) -> BaseGeometry:
+    """The polygons of a region in local metres."""
     if not frame.geographic:
-        return polygon
-    dense = shapely.segmentize(polygon, piece)
-    # A position that the projection cannot place gives inf, which GEOS refuses: such zones are too far away.
+        return region
+    dense = shapely.segmentize(region, piece)
     projected: Any = shapely.transform(dense, lambda points: frame.to_metres(unwrap(points, frame.centre[0])))
-    if not np.isfinite(shapely.get_coordinates(projected)).all():
-        raise InputError("a no-go zone lies on the other side of the earth; leave it out")
     return projected if projected.is_valid else shapely.make_valid(projected)
