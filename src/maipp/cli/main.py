@@ -29,6 +29,7 @@ COMMANDS = {
     "benchmark": Command("Benchmark", True, "regenerate the paper's tables and figures, and measure speed"),
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
     "planners": Command("Planners", True, "list the planners and their options"),
+    "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),
 }
 

@@ -1,4 +1,4 @@
-"""The world of one survey, drawn from a scenario: field, starts, roadmaps."""
+"""The world of one survey, drawn from a scenario: field, starts, roadmaps, and what was measured there before."""
 
 import dataclasses
 from collections.abc import Callable
@@ -10,10 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.belief import PriorSamples
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
+from maipp.simulator.prior_checks import prior_arrays
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
@@ -30,6 +32,17 @@ class Mission(eqx.Module):
     budgets: Float[Array, "*b m"]  # longest path of each agent, domain units
     speeds: Float[Array, "*b m"]  # domain units per unit of time
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
+    # Samples taken before the survey, which every belief is conditioned on; None where there are none.
+    prior_x: Float[Array, "*b p 2"] | None = None  # positions, domain units
+    prior_y: Float[Array, "*b p"] | None = None  # values, standardised
+    prior_noise: Float[Array, "*b p"] | None = None  # noise variance of each; None: that of the scenario
+
+    @property
+    def prior(self) -> PriorSamples | None:
+        """The prior samples; arrays of a batch have its leading axis."""
+        if self.prior_x is None or self.prior_y is None:
+            return None
+        return PriorSamples(self.prior_x, self.prior_y, self.prior_noise)
 
 
 # Uniform draws for a start; the first outside the no-go zones is taken.
@@ -85,14 +98,20 @@ def draw_missions(
     roadmaps: bool = True,
     encodings: int = 0,
     field: Field | None = None,
+    prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
+    prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
 ) -> Mission:
     """A batch of `instances * trials` missions, instance slowest.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
     planners meet the same worlds. Roadmaps carry a spectral encoding of `encodings` columns, which planners with a
     policy need (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given ground truth.
-    Raises InputError where obstacles leave no room.
+    `prior` are positions (domain units) and standardised values of samples taken before the survey, the same in every
+    mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each other; none at
+    all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the scenario's.
+    Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
     """
+    samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
     grid, fields, truth, draws = drawn
@@ -121,6 +140,7 @@ def draw_missions(
         budgets=every(np.asarray(scenario.budgets)),
         speeds=every(np.asarray(scenario.speeds)),
         roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
+        **{name: every(array) for name, array in samples.items()},
     )
 
 
