@@ -1,6 +1,7 @@
 """Prior samples: conditioning on them first and on measurements later is conditioning on all of them at once."""
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,8 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 from maipp.belief import Matern32, PriorSamples, condition, condition_near
 
 SEEDS = st.integers(0, 2**32 - 1)
-KERNEL = Matern32(0.4, 0.7)
+LENGTH_SCALE, VARIANCE = 0.4, 0.7
+KERNEL = Matern32(LENGTH_SCALE, VARIANCE)
 SAMPLES, SLOTS, NOISE = 9, 6, 1e-3
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -46,8 +48,8 @@ def reference(prior, x, y, mask):
     """scikit-learn's mean and variance, with a noise variance for each measurement."""
     noise = np.full(SAMPLES, NOISE) if prior.noise is None else np.asarray(prior.noise)
     alpha = np.concatenate([noise, np.full(int(mask.sum()), NOISE)])
-    kernel = ConstantKernel(KERNEL.variance) * Matern(KERNEL.length_scale, nu=1.5)
-    process = GaussianProcessRegressor(kernel, alpha=alpha, optimizer=None)
+    kernel = ConstantKernel(VARIANCE) * Matern(LENGTH_SCALE, nu=1.5)
+    process: Any = GaussianProcessRegressor(kernel, alpha=alpha, optimizer=None)  # type: ignore[arg-type]  # its stubs know floats only
     known = np.asarray(mask)
     process.fit(np.concatenate([prior.x, x[known]]), np.concatenate([prior.y, y[known]]))
     mean, std = process.predict(QUERY, return_std=True)
@@ -71,7 +73,7 @@ def test_their_order_does_not_matter(seed):
     with jax.enable_x64(True):
         prior, *measured = draw(seed)
         order = np.random.default_rng(seed).permutation(SAMPLES)
-        other = one_after_the_other(PriorSamples(*(a[order] for a in prior)), *measured)
+        other = one_after_the_other(PriorSamples(*(jnp.asarray(a)[order] for a in prior)), *measured)
         for a, b in zip(one_after_the_other(prior, *measured), other, strict=True):
             np.testing.assert_allclose(a, b, rtol=0, atol=1e-10)
 
@@ -82,7 +84,7 @@ def test_more_samples_never_raise_the_variance(seed, count):
     with jax.enable_x64(True):
         prior, *measured = draw(seed)
         # A sample of no information is none: the same compiled function serves fewer samples.
-        fewer = prior._replace(noise=jnp.where(jnp.arange(SAMPLES) < count, prior.noise, 1e12))
+        fewer = prior._replace(noise=jnp.where(jnp.arange(SAMPLES) < count, jnp.asarray(prior.noise), 1e12))
         more, less = one_after_the_other(prior, *measured)[1], one_after_the_other(fewer, *measured)[1]
         assert (np.asarray(more) <= np.asarray(less) + 1e-9).all()
 

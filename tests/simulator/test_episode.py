@@ -8,6 +8,7 @@ import json
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -204,7 +205,8 @@ def test_the_golden_file_s_metrics_are_those_of_the_posterior():
     (agent,), prior = episode.agents, episode.prior
     assert prior is not None and prior.noise is not None
     noise = np.append(np.full(2, episode.scenario.noise), prior.noise)
-    process = GaussianProcessRegressor(Matern(0.45, nu=1.5), alpha=noise, optimizer=None)
+    kernel: Any = Matern(0.45, nu=1.5)
+    process: Any = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None)  # type: ignore[arg-type]
     process.fit(np.concatenate([agent.measurement_x, prior.x]), np.append(agent.measurement_y, prior.y))
     line = np.linspace(0, 1, 3)
     grid = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)

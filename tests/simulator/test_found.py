@@ -1,6 +1,7 @@
 """The area found: recall and precision by their definitions, of batches and of records."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import numpy as np
@@ -17,6 +18,7 @@ from maipp.simulator.found import area_found, found_by, score_found
 
 WALL = ((0.4, 0.2), (0.6, 0.2), (0.6, 0.6), (0.4, 0.6))
 SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=20, neighbours=5, threshold=0.3, obstacles=(WALL,))
+VACUOUS: dict[str, Any] = {"zero_division": 1.0}
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +36,8 @@ def test_shares_are_scikit_learn_s(seed, likely, guessed):
     found = area_found(true, predicted, inside)
     for row in range(4):
         pair = true[inside], predicted[row, inside]
-        assert found.recall[row] == pytest.approx(recall_score(*pair, zero_division=1.0))
-        assert found.precision[row] == pytest.approx(precision_score(*pair, zero_division=1.0))
+        assert found.recall[row] == pytest.approx(recall_score(*pair, **VACUOUS))
+        assert found.precision[row] == pytest.approx(precision_score(*pair, **VACUOUS))
         count = max(inside.sum(), 1)
         assert found.true[row] == pytest.approx(pair[0].sum() / count)
         assert found.predicted[row] == pytest.approx(pair[1].sum() / count)
@@ -52,7 +54,8 @@ def test_where_there_is_nothing_nothing_is_missed():
 
 @pytest.mark.parametrize("rule", ["bound", "mean"])
 def test_a_batch_has_found_what_each_record_says(finished, rule):
-    scores = score_found(SCENARIO, *finished, rule)
+    missions, states = finished
+    scores = score_found(SCENARIO, missions, states, rule)
     assert scores.recall.shape == scores.precision.shape == (3,)
     for index in range(3):
         episode = Episode.from_state(SCENARIO, "random", {}, 5, *finished, index=index)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -58,7 +59,8 @@ def reference(x, y):
     """Mean and variance on the grid in float64 from the samples and these measurements."""
     (sample_x, sample_y), noise = samples()
     alpha = np.concatenate([noise, np.full(len(y), SCENARIO.noise)])
-    process = GaussianProcessRegressor(Matern(SCENARIO.length_scale, nu=1.5), alpha=alpha, optimizer=None)
+    kernel = Matern(SCENARIO.length_scale, nu=1.5)
+    process: Any = GaussianProcessRegressor(kernel, alpha=alpha, optimizer=None)  # type: ignore[arg-type]
     line = np.linspace(0, 1, 8)
     grid = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
     mean, std = process.fit(np.concatenate([sample_x, x]), np.concatenate([sample_y, y])).predict(grid, return_std=True)

@@ -42,7 +42,7 @@ def test_prior_samples_are_small_crosses_on_every_map(episode, mapping, count):
     figure = draw_overview(there, dpi=40)
     for axes in maps_of(figure):
         (crosses,) = [line for line in axes.lines if line.get_marker() == "+"]
-        np.testing.assert_allclose(crosses.get_xydata(), mapping.to_file_points(x))
+        np.testing.assert_allclose(np.asarray(crosses.get_xydata()), mapping.to_file_points(x))
         assert crosses.get_linestyle() == "None" and crosses.get_markersize() <= 4
     (legend,) = figure.legends
     assert "prior sample" in [text.get_text() for text in legend.get_texts()]
