@@ -28,7 +28,11 @@ def with_options(**options):
 FOUND = {
     "header that Python cannot tokenize": ("raster-npy", with_header("{'descr': ("), "damaged or cut short"),
     "header with a set in a set": ("raster-npy", with_header("{'descr': '<f8', 'shape': {{1}}}"), "damaged"),
-    "header that is no Python": ("raster-npy", with_header("{'descr': '<f8' L 'shape': ()}"), "damaged"),
+    "type of numbers that is no Python": (
+        "raster-npy",
+        with_header("{'descr': '<,nan', 'fortran_order': False, 'shape': (3, 4), }"),
+        "damaged or cut short",
+    ),
     "more rows than a machine counts": (
         "raster-npy",
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999, 3), }"),
