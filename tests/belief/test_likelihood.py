@@ -1,5 +1,7 @@
 """The likelihood: its gradient, its closed-form mean and variance, its information, against plain formulas."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
@@ -10,6 +12,11 @@ from maipp.belief.likelihood import best_ratio, correlation, information, profil
 
 RNG = np.random.default_rng(0)
 X, Y = RNG.uniform(size=(25, 2)), RNG.normal(size=25)
+
+
+def density(mean, covariance: Any):
+    """Log density of the values, by SciPy."""
+    return multivariate_normal(np.full(25, mean), covariance).logpdf(Y)
 
 
 @pytest.mark.parametrize("scales", [(0.3,), (0.3, 0.8)])
@@ -25,16 +32,16 @@ def test_gradient_and_value(scales, mean):
     squared = squared_differences(X, per_axis=len(scales) > 1)
     parameters = np.log([*scales, 0.2])
     found = profile_likelihood(parameters, squared, Y, mean)
-    slope = approx_fprime(parameters, lambda p: profile_likelihood(p, squared, Y, mean).value, 1e-6)
+    slope: Any = approx_fprime(parameters, lambda p: profile_likelihood(p, squared, Y, mean).value, 1e-6)
     np.testing.assert_allclose(found.gradient, slope, rtol=1e-4, atol=1e-5)
     covariance = found.variance * (correlation(squared, np.array(scales))[0] + 0.2 * np.eye(25))
-    assert found.value == pytest.approx(multivariate_normal(np.full(25, found.mean), covariance).logpdf(Y))
+    assert found.value == pytest.approx(density(found.mean, covariance))
     # The closed forms are the best there is.
     for factor in (0.9, 1.1):
-        assert multivariate_normal(np.full(25, found.mean), factor * covariance).logpdf(Y) < found.value
+        assert density(found.mean, factor * covariance) < found.value
     if mean is None:
         for move in (-0.1, 0.1):
-            assert multivariate_normal(np.full(25, found.mean + move), covariance).logpdf(Y) < found.value
+            assert density(found.mean + move, covariance) < found.value
         assert found.variance * found.mean_factor == pytest.approx(1 / np.linalg.inv(covariance).sum())
 
 

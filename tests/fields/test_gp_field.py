@@ -1,6 +1,7 @@
 """Draws of a Gaussian process: their mean and covariance are the exact posterior's, and they pass the samples."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -29,10 +30,12 @@ def evaluated(fields, points=POINTS):
 def exact(x, y):
     """Posterior mean and covariance at the points, by scikit-learn."""
     kernel = ConstantKernel(2.0, "fixed") * Matern(0.3, "fixed", nu=1.5)
-    regressor = GaussianProcessRegressor(kernel, alpha=NOISE, optimizer=None)
+    no_search: Any = None
+    regressor = GaussianProcessRegressor(kernel, alpha=NOISE, optimizer=no_search)
     if len(y):
         regressor.fit(x, y - 1.0)
-    mean, covariance = regressor.predict(POINTS, return_cov=True)
+    predicted: Any = regressor.predict(POINTS, return_cov=True)
+    mean, covariance = predicted
     return mean + 1.0, covariance
 
 

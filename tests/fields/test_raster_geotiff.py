@@ -11,7 +11,9 @@ rasterio = pytest.importorskip("rasterio")
 VALUES = np.arange(12, dtype=np.float32).reshape(3, 4) ** 1.5
 
 
-def write(path, *bands, crs="EPSG:32632", transform=None, descriptions=(), scales=None, offsets=None, **profile):
+def write(
+    path, *bands, crs: str | None = "EPSG:32632", transform=None, descriptions=(), scales=None, offsets=None, **profile
+):
     from rasterio.transform import from_origin
 
     transform = from_origin(500000, 5200030, 20, 10) if transform is None else transform

@@ -34,7 +34,11 @@ def test_samples_and_kernel_are_drawn():
     np.testing.assert_allclose(drawn(profile)[0], np.stack(expected[:2], axis=1))
     assert any((line[:, 0] == FIT.length_scale).all() for line in drawn(profile, "fitted length scale"))
     words = " ".join(text.get_text() for text in figure.texts)
-    assert "60 samples" in words and f"length scale {FIT.length_scale:.3g}" in words and f"mean {FIT.mean:.3g}" in words
+    assert (
+        "60 samples" in words
+        and f"length scale {FIT.length_scale:.0f} ± {FIT.length_scale_error:.0f} m" in words
+        and f"mean {FIT.mean:.3g}" in words
+    )
 
 
 def test_the_kernel_s_variogram_is_that_of_its_covariance():

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from maipp.errors import InputError
 
@@ -63,7 +63,7 @@ def thinned(x: Float[np.ndarray, "n 2"], most: int) -> Int[np.ndarray, " k"]:
     left = np.ones(len(x), bool)
     left[spread] = False
     others = np.flatnonzero(left)
-    nearest = cKDTree(x[others]).query(x[spread])[1]
+    nearest = KDTree(x[others]).query(x[spread])[1]
     # Two may have the same neighbour; the others in line fill up.
     beside = others[list(dict.fromkeys(nearest.tolist()))][: most - len(spread)]
     return np.concatenate([spread, beside])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from maipp.belief.fit_samples import thinned
 from maipp.belief.likelihood import Likelihood, best_ratio, profile_likelihood, squared_differences
@@ -41,7 +41,7 @@ def bounds(x: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], tuple[floa
     and at most five times the longest side of the samples' box, above which they are a plane to each other.
     """
     places = np.unique(x, axis=0)
-    nearest = np.median(cKDTree(places).query(places, k=2)[0][:, 1])
+    nearest = np.median(KDTree(places).query(places, k=2)[0][:, 1])
     longest = np.ptp(x, axis=0).max()
     low, high = np.log(RATIO_BOUNDS)
     return (float(np.log(0.5 * nearest)), float(np.log(5.0 * longest))), (float(low), float(high))

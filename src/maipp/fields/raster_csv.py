@@ -74,11 +74,11 @@ def grid_from_rows(
     table: Float[np.ndarray, "n 3"],
     lines: list[int],
     names: tuple[str | None, ...],
-    gaps: bool = False,
+    fill: bool = False,
 ) -> RasterData:
     """The grid that x,y,value rows in any order fill; InputError where a cell is missing or given twice.
 
-    `gaps` takes values that are not finite for missing ones.
+    `fill` takes values that are not finite for missing ones, and fills them from the nearest.
     """
     bad = np.argwhere(~np.isfinite(table[:, :2]))
     if len(bad):
@@ -107,7 +107,7 @@ def grid_from_rows(
             f"the first is x={x[col]:.10g}, y={y[row]:.10g}{hint}"
         )
     values = table[order, 2].reshape(len(y), len(x))
-    return RasterData(values, x, y, str(path), *names, missing=gaps_in(values) if gaps else None)
+    return RasterData(values, x, y, str(path), *names, missing=gaps_in(values) if fill else None)
 
 
 def _distinct(coordinate: Float[np.ndarray, " n"]) -> tuple[np.ndarray, np.ndarray]:

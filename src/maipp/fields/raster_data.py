@@ -75,7 +75,7 @@ class RasterData:
         """Whether the map has a value at file coordinates (x, y): within its box, and the nearest cell not missing."""
         column, row = (_nearest(axis, points[:, i]) for i, axis in enumerate((self.x, self.y)))
         low, high = np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]])
-        inside = ((points >= low) & (points <= high)).all(axis=1)
+        inside = np.asarray(((points >= low) & (points <= high)).all(axis=1))
         return inside if self.missing is None else inside & ~self.missing[row, column]
 
 

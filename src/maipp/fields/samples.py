@@ -87,7 +87,7 @@ def load_samples(path: str | Path, *, value: str | None = None, x: str | None = 
     columns = (ix, iy, _value(table, header, (ix, iy), value))
     names = (header[columns[0]], header[columns[1]], header[columns[2]])
     numbers = np.array([[_cell(table, line, column) for column in columns] for line in range(len(table.rows))])
-    kept = np.isfinite(numbers).all(axis=1)
+    kept = np.asarray(np.isfinite(numbers).all(axis=1))
     if not kept.any():
         raise InputError(f"{path}: no line has a position and a value ({len(kept)} lines read)")
     found = numbers[kept]

@@ -1,6 +1,7 @@
 """A fitted kernel in one picture: its variogram over that of the samples, and how surely its length scale is known."""
 
 import os
+import textwrap
 
 import numpy as np
 from jaxtyping import Float
@@ -85,11 +86,11 @@ def _draw_variogram(
             f"{pairs:,}", (distance, value), (0, 4), textcoords="offset points", fontsize=5.5, color=GREY, ha="center"
         )
     axes.set_xlim(0.0, at[-1])
-    axes.set_ylim(0.0, 1.18 * max(found.semivariance.max(), fitted_variogram(fit, at).max()))
+    axes.set_ylim(0.0, 1.3 * max(found.semivariance.max(), fitted_variogram(fit, at).max()))
     axes.set_title("Variogram", loc="left", fontsize=MEDIUM)
     axes.set_xlabel(_with_unit("distance", length_unit), fontsize=SMALL)
     axes.set_ylabel(_with_unit("half the mean squared difference", f"({unit})²" if unit else ""), fontsize=SMALL)
-    axes.legend(fontsize=SMALL, loc="lower right", frameon=False)
+    axes.legend(fontsize=SMALL, loc="upper left", edgecolor="none", framealpha=0.85)
 
 
 def _draw_profile(
@@ -110,7 +111,7 @@ def _draw_profile(
     axes.set_title(title, loc="left", fontsize=MEDIUM)
     axes.set_xlabel(_with_unit("length scale", unit), fontsize=SMALL)
     axes.set_ylabel("log likelihood, less the highest", fontsize=SMALL)
-    axes.legend(fontsize=SMALL, loc="lower center", frameon=False)
+    axes.legend(fontsize=SMALL, loc="lower center", edgecolor="none", framealpha=0.85)
 
 
 def fitted_variogram(fit: KernelFit, distance: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
@@ -135,8 +136,14 @@ def _numbers(fit: KernelFit, length_unit: str, unit: str) -> str:
 
 
 def _number(name: str, value: float, error: float | None, unit: str) -> str:
-    errors = "" if error is None else f" ± {error:.2g}"
-    return f"{name} {value:.3g}{errors}{' ' if unit else ''}{unit}"
+    errors = "" if error is None else f" ± {_shown(error, 2)}"
+    return f"{name} {_shown(value, 3)}{errors}{' ' if unit else ''}{unit}"
+
+
+def _shown(value: float, digits: int) -> str:
+    """The value to so many digits, without an exponent for whole numbers that a person would write out."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10**digits <= abs(rounded) < 1e7 else f"{value:.{digits}g}"
 
 
 def _with_unit(words: str, unit: str) -> str:
@@ -145,6 +152,4 @@ def _with_unit(words: str, unit: str) -> str:
 
 def _wrapped(words: str, width: int = 150) -> list[str]:
     """The sentence in lines of at most this many letters."""
-    import textwrap
-
     return textwrap.wrap(words, width)
