@@ -1,0 +1,75 @@
+"""`maipp live`: a survey under way; robots' reports on standard input, where to go next on standard output."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from maipp.cli.options import PlannerFlags
+from maipp.errors import InputError
+
+if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
+    from maipp.live import LiveSurvey
+
+
+@dataclass(frozen=True)
+class Live:
+    """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live.md).
+
+    Every event is in the journal before it is answered. Started again on its journal, the survey goes on.
+    """
+
+    mission: Annotated[Path, tyro.conf.Positional]
+    """mission file (`maipp survey --new` prints one), or a scenario file (`maipp scenario`)"""
+
+    journal: Path
+    """file that every event is added to; made if it is not there"""
+
+    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """with a scenario file: planner; left out: receding-horizon. A mission file names its own"""
+
+    settings: Annotated[
+        tuple[tuple[str, ...], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
+    ] = ()
+    """with a scenario file: options of the planner"""
+
+    seed: int = 0
+    """seed of starts that the file leaves open, of roadmaps, and of the planner's randomness"""
+
+    epoch: float = 0.0
+    """time of the survey's start, seconds; with Unix time as `time`, the Unix time of the start"""
+
+
+def run(flags: Live) -> int:
+    """Answer requests until standard input ends."""
+    from maipp.live.serve import encode, serve
+
+    if not 0 <= flags.seed < 2**63:
+        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    with _open(flags) as survey:
+        survey.warm_up()
+        answers = sys.stdout.buffer
+        answers.write(encode(survey.hello() | {"answer": "ready", "cut": survey.cut}))
+        answers.flush()
+        serve(survey, sys.stdin.buffer, answers)
+    return 0
+
+
+def _open(flags: Live) -> "LiveSurvey":
+    from maipp.live import LiveSurvey
+    from maipp.scenario_io import load_scenario
+
+    scenario = load_scenario(flags.mission)
+    options = PlannerFlags(settings=flags.settings).planner_options()
+    return LiveSurvey.from_scenario(
+        scenario,
+        flags.planner or "receding-horizon",
+        options,
+        seed=flags.seed,
+        journal=flags.journal,
+        epoch=flags.epoch,
+    )

@@ -1,0 +1,90 @@
+"""An arrival: what the robot and its team are known to do at that moment, and what is decided from it."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from maipp.live.decide import Situation, decide
+from maipp.live.measurements import Slots
+from maipp.live.messages import stacked
+from maipp.live.robots import GONE, Robot, along
+from maipp.live.world import World
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.typing import Float
+
+
+@dataclass
+class Arrival:
+    """A robot at a position, and all that is known."""
+
+    world: World
+    robots: list[Robot]
+    slots: Slots
+    robot: Robot
+    position: Float[np.ndarray, "2"]  # domain units
+    time: float  # seconds since the epoch
+    odometer: float  # domain units
+
+    @property
+    def to_next_measurement(self) -> float:
+        """Way until the robot is to measure again, domain units."""
+        interval = self.world.scenario.measurement_interval
+        return self.robot.to_next_measurement(self.time, self.odometer, interval)
+
+    @property
+    def situation(self) -> Situation:
+        """What the compiled decision takes; all arrays of fixed types, so that it is compiled once."""
+        real = self.slots.x.dtype
+        agent = self.robots.index(self.robot)
+        positions = np.stack([other.where(self.time) for other in self.robots])
+        positions[agent] = self.position
+        return Situation(
+            agent=np.int32(agent),
+            arrival=np.int32(self.robot.arrivals),
+            time=real.type(self.time),
+            budget=real.type(self.robot.budget),
+            remaining=real.type(self.robot.budget - self.odometer),
+            to_next_measurement=real.type(self.to_next_measurement),
+            x=self.slots.x,
+            y=self.slots.y,
+            mask=self.slots.mask,
+            heard=np.array([other.status != GONE and other is not self.robot for other in self.robots]),
+            positions=positions.astype(real),
+            messages=stacked([other.message for other in self.robots]),
+            memory=self.robot.memory,
+        )
+
+
+class Made(NamedTuple):
+    """What was decided."""
+
+    reason: str | None  # why the robot stops; None: it goes on
+    leg: Float[np.ndarray, "v 2"]  # from its position through the waypoints; its position alone where it stops
+    measure: Float[np.ndarray, "n 2"]  # where it is to measure on the way
+    arrival: float  # expected at the end, seconds since the epoch
+    message: Any
+    memory: Any
+
+
+def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
+    """What the robot is to do; one that stops announces `nothing`."""
+    robot, here = arrival.robot, arrival.position[None]
+    if robot.budget - arrival.odometer <= DISTANCE_TOLERANCE:
+        return Made("budget", here, here[:0], arrival.time, nothing[0], robot.memory)
+    outcome = jax.device_get(decide(arrival.world, arrival.situation))
+    if not outcome.go or not np.isfinite(outcome.leg).all():
+        return Made("planner", here, here[:0], arrival.time, nothing[0], outcome.memory)
+    leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
+    length, interval = float(outcome.length), arrival.world.scenario.measurement_interval
+    places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
+    measure = np.array([along(leg, float(place)) for place in places]).reshape(-1, 2)
+    return Made(None, leg, measure, arrival.time + length / robot.speed, outcome.message, outcome.memory)
+
+
+def _without_repeats(leg: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"]:
+    """The leg without waypoints that are where the one before is."""
+    keep = np.ones(len(leg), bool)
+    keep[1:] = np.hypot(*np.diff(leg, axis=0).T) > DISTANCE_TOLERANCE
+    return leg[keep]

@@ -1,0 +1,355 @@
+"""`LiveSurvey`: takes what robots report, in any order and as often as they like, and says where to go next."""
+
+import os
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import jax
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.live import robots as robot_status
+from maipp.live.arrival import Arrival, decide_arrival
+from maipp.live.believe import believe
+from maipp.live.decide import decide
+from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement, fingerprint, read_event, write_event
+from maipp.live.journal import Journal
+from maipp.live.measurements import Measurements, Sample
+from maipp.live.messages import describe, pack, unpack
+from maipp.live.request import PROTOCOL, Fields
+from maipp.live.robots import Robot
+from maipp.live.units import Units
+from maipp.live.world import Setup, World, world_of
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, Planner, draw_missions
+from maipp.typing import Float
+
+# Measurements there is room for at first, over those that budgets and interval allow.
+_RESERVE = 1.25
+
+# Most points of one question for the belief.
+_MOST_POINTS = 10_000
+
+
+class LiveSurvey:
+    """A survey under way. Give it events, one at a time; it answers with dictionaries ready for JSON (docs/live.md).
+
+    Each event is in the journal, on the disk, before its answer is returned. An event that was answered before gets
+    the same answer again and changes nothing. Opened anew on its journal, the survey goes on where it was. Not for use
+    by several threads at once. Close it, or use it in a `with` block, to release the journal.
+    """
+
+    def __init__(self, world: World, setup: Setup, journal: str | os.PathLike[str] | None = None) -> None:
+        """Begin the survey, or go on with the one in the journal; without a journal nothing outlives the process.
+
+        Raises `InputError` for a journal that is damaged, in use, or of another mission.
+        """
+        self.world, self.setup = world, setup
+        real = np.dtype(jax.dtypes.canonicalize_dtype(float))
+        self._measurements = Measurements(setup.prior_x, setup.prior_y, setup.room, real)
+        self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
+        planner: Planner = world.planner
+        self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
+        starts, speeds = np.asarray(world.start, np.float64), np.asarray(world.speeds, np.float64)
+        self._robots = [
+            Robot(name, (start[0], start[1]), speed, budget, *self._nothing, leg=np.array([start]))
+            for name, start, speed, budget in zip(
+                setup.robots, starts.tolist(), speeds.tolist(), world.scenario.budgets, strict=True
+            )
+        ]
+        self._journal = None if journal is None else Journal(journal)
+        try:
+            self._replay()
+        except BaseException:
+            self.close()
+            raise
+
+    @classmethod
+    def from_scenario(
+        cls,
+        scenario: Scenario,
+        planner: str = "receding-horizon",
+        options: Mapping[str, object] | None = None,
+        *,
+        seed: int = 0,
+        robots: Sequence[str] | None = None,
+        journal: str | os.PathLike[str] | None = None,
+        units: Units | None = None,
+        prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None = None,
+        epoch: float = 0.0,
+    ) -> "LiveSurvey":
+        """A survey of a scenario; by default in its own units, with robots called robot1, robot2 and so on.
+
+        `seed` draws starts where the scenario gives none, roadmaps, and the planner's randomness. `prior` are older
+        samples: domain positions and standardised values. Raises `InputError` for a planner, an option or a journal
+        that cannot be used.
+        """
+        built = make_planner(planner, scenario, options)
+        if scenario.obstacles and not built.avoids_obstacles:
+            raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
+        drawn = draw_missions(
+            scenario, seed=seed, instances=1, roadmaps=built.uses_roadmap, encodings=built.encoding_dimensions
+        )
+        mission: Mission = jax.tree.map(lambda a: a[0], drawn)
+        prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
+        room = int(_RESERVE * scenario.measurements) + len(prior_y)
+        setup = Setup(
+            planner=planner,
+            options=dict(options or {}),
+            seed=seed,
+            robots=tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents))),
+            room=room,
+            units=units or Units(scenario.extent, epoch=epoch),
+            prior_x=prior_x,
+            prior_y=prior_y,
+        )
+        return cls(world_of(built, mission, seed), setup, journal)
+
+    # What a caller asks and reports.
+
+    def handle(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a request: an object with `event` or `query`.
+
+        Raises `InputError`, and changes nothing, for a request that is not right.
+        """
+        if "event" in request:
+            return self.report(read_event(request, self.setup.robots))
+        if "query" in request:
+            return self._ask(Fields(request, "query"))
+        raise InputError("neither an event nor a query; give one of the keys `event` and `query`")
+
+    def report(self, event: Event) -> dict[str, Any]:
+        """The answer to an event, once it is in the journal. Raises `InputError` for one that is not right."""
+        print_ = fingerprint(event)
+        if event.id in self._answers:
+            known, answer = self._answers[event.id]
+            if known != print_:
+                raise InputError(f"id: another event has the id {event.id[:60]!r}; give each event its own")
+            return answer
+        inner = self._inside(event)
+        answer, state = self._answer(event, inner)
+        if self._journal is not None:
+            self._journal.append({"event": write_event(event), "answer": answer} | ({"state": state} if state else {}))
+        self._apply(event, inner, print_, answer, state)
+        return answer
+
+    def hello(self) -> dict[str, Any]:
+        """Who answers here: protocol, planner, robots and units."""
+        units, scenario = self.setup.units, self.world.scenario
+        starts = units.points_out(np.asarray(self.world.start))
+        return {
+            "answer": "hello",
+            "protocol": PROTOCOL,
+            "maipp": _version(),
+            "planner": self.setup.planner,
+            "units": units.names,
+            "epoch": units.epoch,
+            "measurement_interval": units.length_out(scenario.measurement_interval),
+            "robots": [
+                {
+                    "name": robot.name,
+                    "start": start,
+                    "budget": units.length_out(robot.budget),
+                    "speed": units.length_out(robot.speed),
+                }
+                for robot, start in zip(self._robots, starts, strict=True)
+            ],
+            "events": len(self._answers),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """What is known of the robots, and how much has been reported."""
+        units = self.setup.units
+        rows = []
+        for robot in self._robots:
+            position = units.points_out(robot.leg[:1])[0]
+            going = robot.status == robot_status.TRAVELLING
+            rows.append(
+                {
+                    "name": robot.name,
+                    "status": robot.status,
+                    "time": units.time_out(robot.time),
+                    "position": position,
+                    "travelled": units.length_out(robot.odometer),
+                    "budget": units.length_out(robot.budget),
+                    "waypoints": units.points_out(robot.leg[1:]) if going else [],
+                    "message": describe(robot.message, units),
+                }
+            )
+        return {
+            "answer": "state",
+            "events": len(self._answers),
+            "measurements": len(self._measurements),
+            "robots": rows,
+        }
+
+    def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
+        """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
+
+        Points of the grid that lie in no-go zones have `inside` false.
+        """
+        units = self.setup.units
+        if points is None:
+            where = np.asarray(self.world.grid, np.float64)
+        else:
+            where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
+        mean, std = believe(self.world, self._measurements.slots(), where)
+        answer: dict[str, Any] = {"answer": "belief", "measurements": len(self._measurements)}
+        if points is None:
+            answer |= {"points": units.points_out(np.asarray(self.world.grid)), "inside": self.world.inside.tolist()}
+        return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
+
+    def warm_up(self) -> None:
+        """Compile all that answers need, so that none has to wait for it."""
+        robot = self._robots[0]
+        jax.block_until_ready(decide(self.world, self._arrival(robot, robot.position, 0.0, 0.0).situation))
+        self.belief()
+
+    @property
+    def cut(self) -> int:
+        """Bytes of a torn last line that were removed when the journal was opened."""
+        return 0 if self._journal is None else self._journal.cut
+
+    def close(self) -> None:
+        """Release the journal."""
+        if self._journal is not None:
+            self._journal.close()
+
+    def __enter__(self) -> "LiveSurvey":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # How events become answers, and what they change.
+
+    def _ask(self, fields: Fields) -> dict[str, Any]:
+        query = fields.one_of("query", ("hello", "state", "belief"), "query")
+        name = {"id": fields.text("id", "a text of 1 to 200 characters")} if fields.has("id") else {}
+        points = fields.points("points", _MOST_POINTS) if query == "belief" and fields.has("points") else None
+        if query == "hello" and fields.has("protocol"):
+            protocol = fields.text("protocol", PROTOCOL)
+            if protocol != PROTOCOL:
+                fields.wrong("protocol", f"{protocol[:60]!r} is not spoken here; this is {PROTOCOL}")
+        fields.done()
+        answer = self.belief(points) if query == "belief" else self.hello() if query == "hello" else self.state()
+        return {"answer": answer.pop("answer")} | name | answer
+
+    def _robot(self, event: Event) -> Robot:
+        return self._robots[self.setup.robots.index(event.robot)]
+
+    def _inside(self, event: Event) -> dict[str, Any]:
+        """The event's numbers in domain units, standardised values and seconds since the epoch."""
+        units = self.setup.units
+        inner: dict[str, Any] = {"time": units.time("time", event.time)}
+        if isinstance(event, Measurement | Arrived | Heard):
+            inner["position"] = np.array(units.position("position", event.position))
+        if isinstance(event, Measurement | Arrived):
+            told = event.travelled
+            inner["travelled"] = None if told is None else units.length("travelled", told)
+        if isinstance(event, Measurement):
+            inner["value"] = units.value("value", event.value)
+        if isinstance(event, Budget):
+            inner["budget"] = units.length("budget", event.budget)
+        if isinstance(event, Heard):
+            inner["message"] = unpack(event.packed, self._nothing[0])
+        return inner
+
+    def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
+        return Arrival(self.world, self._robots, self._measurements.slots(), robot, position, time, odometer)
+
+    def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+        """The answer to an event, and for an arrival what it changes."""
+        if not isinstance(event, Arrived):
+            return {"answer": "noted", "id": event.id}, None
+        robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
+        time, position, told = inner["time"], inner["position"], inner["travelled"]
+        if time < robot.time and robot.answer is not None:
+            # It has been somewhere else since: what it was told there stands.
+            again = {key: value for key, value in robot.answer.items() if key not in ("answer", "id", "robot")}
+            return {"answer": robot.answer["answer"]} | head | again | {"late": True}, {"late": told}
+        odometer = robot.travelled(position, told)
+        made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
+        units = self.setup.units
+        way = {"travelled": units.length_out(odometer), "remaining": units.length_out(robot.budget - odometer)}
+        state = {
+            "odometer": odometer,
+            "leg": made.leg.tolist(),
+            "message": pack(made.message),
+            "memory": pack(made.memory),
+        }
+        if made.reason is not None:
+            return {"answer": "stop"} | head | {"reason": made.reason} | way, state
+        answer = {"answer": "go"} | head | {"waypoints": units.points_out(made.leg[1:])}
+        answer |= {"measure": units.points_out(made.measure), "arrival": units.time_out(made.arrival)}
+        return answer | way | {"message": describe(made.message, units)}, state
+
+    def _apply(
+        self, event: Event, inner: dict[str, Any], print_: bytes, answer: dict[str, Any], state: dict[str, Any] | None
+    ) -> None:
+        """What an answered event changes: the same whether it has just been answered or is read from the journal."""
+        self._answers[event.id] = print_, answer
+        robot, time = self._robot(event), inner["time"]
+        if isinstance(event, Measurement):
+            x, y = inner["position"].tolist()
+            index = self.setup.robots.index(event.robot)
+            self._measurements.add(Sample(time, index, x, y, inner["value"]))
+            robot.note_measurement(time, inner["travelled"])
+        elif isinstance(event, Arrived):
+            assert state is not None
+            if "late" in state:
+                robot.note_late(time, state["late"])
+                return
+            leg = np.array(state["leg"], np.float64)
+            message, memory = (unpack(state[name], like) for name, like in zip(("message", "memory"), self._nothing))
+            robot.arrive(time, state["odometer"], leg, answer, message, memory)
+        elif isinstance(event, Gone):
+            robot.leave(time, self._nothing[0])
+        elif isinstance(event, Budget):
+            robot.grant(inner["budget"], time, event.id)
+        elif isinstance(event, Heard):
+            robot.announce(time, inner["position"], inner["message"])
+
+    # The journal.
+
+    def _header(self) -> dict[str, Any]:
+        setup = self.setup
+        return {
+            "journal": PROTOCOL,
+            "maipp": _version(),
+            "planner": setup.planner,
+            "seed": setup.seed,
+            "robots": list(setup.robots),
+            "epoch": setup.units.epoch,
+            "mission": setup.digest(self.world),
+        }
+
+    def _replay(self) -> None:
+        """Take up what the journal holds, or begin it."""
+        if self._journal is None:
+            return
+        header, where = self._header(), self._journal.path
+        if not self._journal.records:
+            self._journal.append(header)
+            return
+        found = self._journal.records[0]
+        for key, mine in header.items():
+            if found.get(key) != mine:
+                told = "" if key == "mission" else f" ({key} {found.get(key)!r} instead of {mine!r})"
+                raise InputError(
+                    f"{where}: the journal of another survey{told}; give it its own mission, or a new file"
+                )
+        for record in self._journal.records[1:]:
+            event = read_event(record["event"], self.setup.robots)
+            inner = self._inside(event)
+            self._apply(event, inner, fingerprint(event), record["answer"], record.get("state"))
+        self._journal.records.clear()
+
+
+def _version() -> str:
+    try:
+        return version("maipp")
+    except PackageNotFoundError:  # run from a source tree
+        return "unknown"
