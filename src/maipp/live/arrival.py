@@ -40,21 +40,19 @@ class Arrival:
         agent = self.robots.index(self.robot)
         positions = np.stack([other.where(self.time) for other in self.robots])
         positions[agent] = self.position
-        return Situation(
-            agent=np.int32(agent),
-            arrival=np.int32(self.robot.arrivals),
-            time=real.type(self.time),
-            budget=real.type(self.robot.budget),
-            remaining=real.type(self.robot.budget - self.odometer),
-            to_next_measurement=real.type(self.to_next_measurement),
-            x=self.slots.x,
-            y=self.slots.y,
-            mask=self.slots.mask,
-            heard=np.array([other.status != GONE and other is not self.robot for other in self.robots]),
-            positions=positions.astype(real),
-            messages=stacked([other.message for other in self.robots]),
-            memory=self.robot.memory,
-        )
+        values = {
+            "agent": np.array(agent, np.int32),
+            "arrival": np.array(self.robot.arrivals, np.int32),
+            "time": np.array(self.time, real),
+            "budget": np.array(self.robot.budget, real),
+            "remaining": np.array(self.robot.budget - self.odometer, real),
+            "to_next_measurement": np.array(self.to_next_measurement, real),
+            "heard": np.array([other.status != GONE and other is not self.robot for other in self.robots]),
+            "positions": positions.astype(real),
+            "messages": stacked([other.message for other in self.robots]),
+            "memory": self.robot.memory,
+        }
+        return Situation(**jax.device_put(values | self.slots._asdict()))
 
 
 class Made(NamedTuple):

@@ -40,5 +40,6 @@ def believe(
     """Mean and standard deviation at domain positions, standardised values: a function of the measurements alone."""
     count = len(points)
     filled = np.minimum(np.arange(slots_for(count, _FEWEST)), count - 1)
-    mean, std = jax.device_get(_moments(world, *slots, points.astype(slots.x.dtype)[filled]))
+    x, y, mask, asked = jax.device_put((*slots, points.astype(slots.x.dtype)[filled]))
+    mean, std = jax.device_get(_moments(world, x, y, mask, asked))
     return mean[:count], std[:count]

@@ -303,7 +303,7 @@ class LiveSurvey:
                 robot.note_late(time, state["late"])
                 return
             leg = np.array(state["leg"], np.float64)
-            message, memory = (unpack(state[name], like) for name, like in zip(("message", "memory"), self._nothing))
+            message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
             robot.arrive(time, state["odometer"], leg, answer, message, memory)
         elif isinstance(event, Gone):
             robot.leave(time, self._nothing[0])
