@@ -1,0 +1,156 @@
+"""What is known before the survey: old samples and the kernel, fitted to them, given, or assumed."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+
+from maipp.errors import InputError
+from maipp.surveys.area import FreeSpace
+from maipp.surveys.frame import Frame
+from maipp.surveys.place import Place
+from maipp.surveys.survey import Survey
+from maipp.typing import Float
+
+# Standardised noise variance where nobody says how well the robots measure: 5 % of the prior standard deviation.
+_ASSUMED_NOISE = 0.05**2
+_LEAST_NOISE = 1e-6  # below, the kernel matrix of neighbouring measurements cannot be factored in single precision
+_SCALES = (0.02, 3.0)  # domain units: beyond, a field looks like noise, or constant, to any planner
+# Standardised threshold of the paper's experiments, which the weights that ship were trained with.
+_PAPER_THRESHOLD = 0.4
+_PAPER_LENGTH_SCALE = 0.45  # of the side of a square
+# More old samples than this make every decision slow and tell it little: they are thinned by place.
+MOST_SAMPLES = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """The Gaussian-process prior in the scenario's terms, and the samples that it is conditioned on."""
+
+    frame: Frame  # with the values standardised
+    length_scale: float  # domain units
+    noise: float  # standardised variance
+    x: Float[np.ndarray, "p 2"]  # old samples, domain units
+    y: Float[np.ndarray, " p"]  # standardised values
+    fit: Any  # belief.fit.KernelFit, or None without samples
+    warnings: tuple[str, ...]
+
+
+def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
+    """The prior of a survey: what the file says of the kernel wins over the fit, the fit over assumptions.
+
+    Raises `InputError` for samples that cannot be used.
+    """
+    warnings: list[str] = []
+    frame, kernel, fit = place.frame, survey.kernel, None
+    x, values = np.zeros((0, 2)), np.zeros(0)
+    if survey.samples is not None:
+        x, values = _samples(survey, place, warnings)
+        given = (kernel.length_scale_m, kernel.mean, kernel.std)
+        if any(value is None for value in given):
+            fit = _fit(survey, x, values, kernel.mean)
+            warnings += [f"{survey.samples.path.name}: {warning}" for warning in fit.warnings]
+    metres, mean, std, assumed = _kernel(survey, fit, math.sqrt(space.region.area))
+    if assumed:
+        warnings.append(
+            f"{' and '.join(assumed)} assumed for want of samples: give old measurements (samples) or a kernel"
+        )
+    frame = dataclasses.replace(frame, mean=mean, std=std)
+    scale = metres / frame.metres_per_unit
+    if not _SCALES[0] <= scale <= _SCALES[1]:
+        clipped = min(max(scale, _SCALES[0]), _SCALES[1])
+        warnings.append(
+            f"the length scale of {metres:.4g} m does not fit an area {frame.metres_per_unit:.4g} m long; "
+            f"planned with {clipped * frame.metres_per_unit:.4g} m"
+        )
+        scale = clipped
+    if survey.noise is not None:
+        noise = (survey.noise / std) ** 2
+    elif fit is not None:
+        noise = fit.noise_variance / std**2
+    else:
+        noise = _ASSUMED_NOISE
+    domain = (x - frame.origin) / frame.metres_per_unit
+    return Prior(
+        frame=frame,
+        length_scale=scale,
+        noise=float(min(max(noise, _LEAST_NOISE), 1e6)),
+        x=domain,
+        y=np.asarray(frame.to_domain_values(values)),
+        fit=fit,
+        warnings=tuple(warnings),
+    )
+
+
+def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float, list[str]]:
+    """Length scale (metres), mean and standard deviation (unit), and what of them is assumed, in words.
+
+    `side` is that of a square as large as the free area, metres.
+    """
+    kernel, assumed = survey.kernel, []
+    metres, mean, std = kernel.length_scale_m, kernel.mean, kernel.std
+    if metres is None:
+        if fit is None:
+            metres = _PAPER_LENGTH_SCALE * side
+            assumed.append(f"length scale {metres:.4g} m")
+        else:
+            metres = fit.length_scale
+    if std is None:
+        if fit is None:
+            std = abs(survey.threshold) / 2 if survey.threshold else 1.0
+            assumed.append(f"standard deviation {std:.4g} {survey.unit or ''}".rstrip())
+        else:
+            std = math.sqrt(fit.signal_variance)
+    if mean is None:
+        if fit is None:
+            sign = -1.0 if survey.below else 1.0
+            mean = 0.0 if survey.threshold is None else survey.threshold - sign * _PAPER_THRESHOLD * std
+            assumed.append(f"mean {mean:.4g} {survey.unit or ''}".rstrip())
+        else:
+            mean = fit.mean
+    return float(metres), float(mean), float(std), assumed
+
+
+def _samples(
+    survey: Survey, place: Place, warnings: list[str]
+) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
+    """The samples in and near the area: local metres and values in the unit."""
+    from maipp.fields.samples import load_samples
+    from maipp.surveys.geojson import check_degrees
+
+    assert survey.samples is not None
+    path = survey.samples.path
+    samples = load_samples(path, **survey.samples.columns)
+    user = np.stack([np.asarray(samples.x, np.float64), np.asarray(samples.y, np.float64)], axis=-1)
+    values = np.asarray(samples.value, np.float64)
+    frame = place.frame
+    if frame.geographic:
+        check_degrees(user, str(path))
+    metres = frame.to_metres(user)
+    distance = shapely.distance(place.area, shapely.points(metres))
+    inside = int((distance <= 0).sum())
+    if not inside:
+        hint = "are its columns swapped, or its coordinates of another kind than the area's?"
+        raise InputError(f"{path}: none of its {len(user)} samples lies in the area; {hint}")
+    near = distance <= _reach(place)
+    if not near.all():
+        warnings.append(f"{path.name}: {int((~near).sum())} of {len(near)} samples lie far from the area; left out")
+    return metres[near], values[near]
+
+
+def _reach(place: Place) -> float:
+    """How far from the area a sample still tells something of it, metres: half its longest side."""
+    return place.frame.metres_per_unit / 2
+
+
+def _fit(survey: Survey, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"], mean: float | None) -> Any:
+    from maipp.belief.fit import fit_kernel
+
+    assert survey.samples is not None
+    try:
+        return fit_kernel(x, values, mean=mean)
+    except InputError as error:
+        raise InputError(f"{survey.samples.path}: {error}; or give length_scale_m, mean and std under kernel") from None

@@ -1,0 +1,92 @@
+"""What a mission file says, typed and checked by itself; `prepare` turns it into a problem to plan."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from maipp.surveys.geojson import Rings
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot of the team."""
+
+    name: str
+    start: Pair  # user coordinates
+    budget_m: float  # longest path it may travel, metres
+    speed: float  # metres per second
+    where: str = "robots"  # file, line and key, for errors
+
+
+@dataclass(frozen=True)
+class RasterArea:
+    """The area as the cells of a gridded map that hold values on one side of a level."""
+
+    raster: Path
+    value: str | None  # array or column of the file
+    level: float
+    below: bool  # values below the level are in the area; else those above
+    where: str
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What is known of the quantity beforehand; None is fitted from samples, or assumed."""
+
+    length_scale_m: float | None = None  # metres over which values stay alike
+    mean: float | None = None  # in the unit
+    std: float | None = None  # in the unit
+
+
+@dataclass(frozen=True)
+class SampleFile:
+    """Old measurements: a CSV file and which of its columns hold what."""
+
+    path: Path
+    columns: Mapping[str, str] = field(default_factory=dict)  # "x", "y", "value" -> name of the column
+    where: str = "samples"
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What a rehearsal runs on: the user's raster, or fields drawn from the prior."""
+
+    raster: Path | None = None
+    value: str | None = None
+    fields: int = 30
+
+
+@dataclass(frozen=True)
+class Survey:
+    """One mission file. Coordinates are the user's, lengths metres, values in the quantity's unit."""
+
+    source: str  # the file, for errors
+    name: str
+    area: tuple[Rings, ...] | RasterArea
+    no_go: tuple[tuple[Rings, ...], ...]  # one entry for each zone of the file
+    metres: bool  # coordinates are metres, not degrees
+    clearance_m: float
+    robots: tuple[Robot, ...]
+    measurement_spacing_m: float
+    quantity: str | None
+    unit: str | None
+    threshold: float | None  # None: every place matters alike
+    below: bool  # values below the threshold matter
+    samples: SampleFile | None
+    noise: float | None  # standard deviation of a measurement, in the unit
+    kernel: Kernel
+    communication_range_m: float | None  # None: at any distance
+    planner: str
+    planner_options: Mapping[str, Any]
+    scenario: Mapping[str, Any]  # settings of the scenario that the file changes
+    rehearsal: Rehearsal
+    seed: int
+    lines: Mapping[str, int] = field(default_factory=dict, repr=False)  # line of every key, for errors
+
+    def where(self, key: str) -> str:
+        """File, line and key, to begin an error with."""
+        line = self.lines.get(key)
+        return f"{self.source}:{line}: {key}" if line else f"{self.source}: {key}"
