@@ -1,5 +1,6 @@
 """`maipp live`: a survey under way; robots' reports on standard input, where to go next on standard output."""
 
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,17 +29,17 @@ class Live:
     """file that every event is added to; made if it is not there"""
 
     planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """with a scenario file: planner; left out: receding-horizon. A mission file names its own"""
+    """planner; left out: the mission file's, or receding-horizon with a scenario file"""
 
     settings: Annotated[
         tuple[tuple[str, ...], ...],
         tyro.conf.UseAppendAction,
         tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
     ] = ()
-    """with a scenario file: options of the planner"""
+    """options of the planner"""
 
-    seed: int = 0
-    """seed of starts that the file leaves open, of roadmaps, and of the planner's randomness"""
+    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """seed of starts left open, of roadmaps, and of the planner's randomness; left out: the mission file's, or 0"""
 
     epoch: float = 0.0
     """time of the survey's start, seconds; with Unix time as `time`, the Unix time of the start"""
@@ -48,7 +49,7 @@ def run(flags: Live) -> int:
     """Answer requests until standard input ends."""
     from maipp.live.serve import encode, serve
 
-    if not 0 <= flags.seed < 2**63:
+    if flags.seed is not None and not 0 <= flags.seed < 2**63:
         raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
     with _open(flags) as survey:
         survey.warm_up()
@@ -62,14 +63,29 @@ def run(flags: Live) -> int:
 def _open(flags: Live) -> "LiveSurvey":
     from maipp.live import LiveSurvey
     from maipp.scenario_io import load_scenario
+    from maipp.surveys.standardise import prepare
+    from maipp.surveys.survey_io import load_survey
 
-    scenario = load_scenario(flags.mission)
     options = PlannerFlags(settings=flags.settings).planner_options()
+    if _is_mission(flags.mission):
+        prepared = prepare(load_survey(flags.mission), planner=flags.planner, planner_options=options)
+        for warning in prepared.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+        return LiveSurvey.from_prepared(prepared, seed=flags.seed, journal=flags.journal, epoch=flags.epoch)
     return LiveSurvey.from_scenario(
-        scenario,
+        load_scenario(flags.mission),
         flags.planner or "receding-horizon",
         options,
-        seed=flags.seed,
+        seed=flags.seed or 0,
         journal=flags.journal,
         epoch=flags.epoch,
     )
+
+
+def _is_mission(path: Path) -> bool:
+    """Whether the file has keys that only missions have; one that cannot be read is left to the scenario's reader."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return False
+    return re.search(r"""^[{\s"']*(area|robots|measurement_spacing_m)["']?\s*:""", text, re.MULTILINE) is not None

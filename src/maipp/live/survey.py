@@ -24,6 +24,7 @@ from maipp.live.world import Setup, World, world_of
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, Planner, draw_missions
+from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -76,7 +77,6 @@ class LiveSurvey:
         seed: int = 0,
         robots: Sequence[str] | None = None,
         journal: str | os.PathLike[str] | None = None,
-        units: Units | None = None,
         prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None = None,
         epoch: float = 0.0,
     ) -> "LiveSurvey":
@@ -89,23 +89,29 @@ class LiveSurvey:
         built = make_planner(planner, scenario, options)
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
-        drawn = draw_missions(
-            scenario, seed=seed, instances=1, roadmaps=built.uses_roadmap, encodings=built.encoding_dimensions
-        )
-        mission: Mission = jax.tree.map(lambda a: a[0], drawn)
-        prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
-        room = int(_RESERVE * scenario.measurements) + len(prior_y)
-        setup = Setup(
-            planner=planner,
-            options=dict(options or {}),
-            seed=seed,
-            robots=tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents))),
-            room=room,
-            units=units or Units(scenario.extent, epoch=epoch),
-            prior_x=prior_x,
-            prior_y=prior_y,
-        )
-        return cls(world_of(built, mission, seed), setup, journal)
+        names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
+        setup = _setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
+        return cls(_draw(built, seed), setup, journal)
+
+    @classmethod
+    def from_prepared(
+        cls,
+        prepared: PreparedSurvey,
+        *,
+        seed: int | None = None,
+        journal: str | os.PathLike[str] | None = None,
+        epoch: float = 0.0,
+    ) -> "LiveSurvey":
+        """A survey of a real place, in its own coordinates and units; `seed` replaces the mission file's.
+
+        `epoch` is the caller's time of the start (s). Raises `InputError` as `from_scenario`.
+        """
+        built = prepared.make_planner()
+        units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
+        seed = prepared.survey.seed if seed is None else seed
+        name, options = prepared.planner, prepared.planner_options
+        setup = _setup(built, name, options, seed, prepared.names, units, prepared.prior)
+        return cls(_draw(built, seed), setup, journal)
 
     # What a caller asks and reports.
 
@@ -152,7 +158,7 @@ class LiveSurvey:
                     "name": robot.name,
                     "start": start,
                     "budget": units.length_out(robot.budget),
-                    "speed": units.length_out(robot.speed),
+                    "speed": units.speed_out(robot.speed),
                 }
                 for robot, start in zip(self._robots, starts, strict=True)
             ],
@@ -346,6 +352,35 @@ class LiveSurvey:
             inner = self._inside(event)
             self._apply(event, inner, fingerprint(event), record["answer"], record.get("state"))
         self._journal.records.clear()
+
+
+def _draw(planner: Planner, seed: int) -> World:
+    """The world that the seed draws: starts where the scenario gives none, roadmaps."""
+    drawn = draw_missions(
+        planner.scenario,
+        seed=seed,
+        instances=1,
+        roadmaps=planner.uses_roadmap,
+        encodings=planner.encoding_dimensions,
+    )
+    mission: Mission = jax.tree.map(lambda a: a[0], drawn)
+    return world_of(planner, mission, seed)
+
+
+def _setup(
+    planner: Planner,
+    name: str,
+    options: Mapping[str, object] | None,
+    seed: int,
+    robots: tuple[str, ...],
+    units: Units,
+    prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None,
+) -> Setup:
+    if len(set(robots)) != len(robots) or len(robots) != planner.scenario.agents:
+        raise InputError(f"robots: {len(set(robots))} different names; give {planner.scenario.agents}, one per agent")
+    prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
+    room = int(_RESERVE * planner.scenario.measurements) + len(prior_y)
+    return Setup(name, dict(options or {}), seed, robots, room, units, prior_x, prior_y)
 
 
 def _version() -> str:

@@ -1,11 +1,11 @@
 """The caller's coordinates and units on one side, domain units and standardised values on the other."""
 
 from dataclasses import dataclass
-from typing import Any as Frame  # until surveys/ is here
 
 import numpy as np
 
 from maipp.errors import InputError
+from maipp.surveys.frame import Frame
 from maipp.typing import Float
 
 Pair = tuple[float, float]
@@ -21,13 +21,14 @@ _LARGEST_TIME = 1e8  # seconds
 class Units:
     """Without a frame the caller's units are the domain's own: domain units, standardised values.
 
-    Times are seconds since the epoch on both sides; `extent` is the domain's, `epoch` the caller's time of the start.
-    What the caller gives raises an `InputError` where it is too far off to compute with.
+    The caller's times are seconds, 0 of the scenario's time being the `epoch`; `extent` is the domain's. What the
+    caller gives raises an `InputError` where it is too far off to compute with.
     """
 
     extent: Pair
     frame: Frame | None = None
-    epoch: float = 0.0
+    epoch: float = 0.0  # the caller's time of the survey's start, s
+    seconds_per_time: float = 1.0  # seconds in the scenario's unit of time
 
     @property
     def names(self) -> dict[str, str | None]:
@@ -67,12 +68,12 @@ class Units:
         return inner
 
     def time(self, key: str, time: float) -> float:
-        """Seconds since the epoch."""
-        inner = time - self.epoch
-        if not 0 <= inner <= _LARGEST_TIME:
-            hint = "" if self.epoch else "; for Unix time, give the survey's start as --epoch"
+        """The scenario's time of the caller's time."""
+        seconds = time - self.epoch
+        if not 0 <= seconds <= _LARGEST_TIME:
+            hint = "" if self.epoch else "; for Unix time, give the survey's start as the epoch"
             raise InputError(f"{key}: {time:.12g} is not between the epoch ({self.epoch:.12g}) and 3 years later{hint}")
-        return inner
+        return seconds / self.seconds_per_time
 
     def points_out(self, points: Float[np.ndarray, "n 2"]) -> list[list[float]]:
         """The caller's coordinates of domain positions."""
@@ -97,9 +98,13 @@ class Units:
         """xx, xy, yy in squared lengths of the caller's."""
         return [_short(float(entry) * self._scale**2) for entry in covariance]
 
+    def speed_out(self, speed: float) -> float:
+        """The caller's lengths per second of the scenario's speed."""
+        return self.length_out(speed / self.seconds_per_time)
+
     def time_out(self, time: float) -> float:
-        """The caller's time of seconds since the epoch; with a frame to the millisecond."""
-        return round(time + self.epoch, 7 if self.frame is None else 3)
+        """The caller's time of the scenario's; with a frame to the millisecond."""
+        return round(time * self.seconds_per_time + self.epoch, 7 if self.frame is None else 3)
 
     @property
     def _scale(self) -> float:
