@@ -61,6 +61,7 @@ class Made(NamedTuple):
     reason: str | None  # why the robot stops; None: it goes on
     leg: Float[np.ndarray, "v 2"]  # from its position through the waypoints; its position alone where it stops
     measure: Float[np.ndarray, "n 2"]  # where it is to measure on the way
+    planned: float  # odometer at the last of these, or the one planned before
     arrival: float  # expected at the end, seconds since the epoch
     message: Any
     memory: Any
@@ -70,15 +71,16 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     """What the robot is to do; one that stops announces `nothing`."""
     robot, here = arrival.robot, arrival.position[None]
     if robot.budget - arrival.odometer <= DISTANCE_TOLERANCE:
-        return Made("budget", here, here[:0], arrival.time, nothing[0], robot.memory)
+        return Made("budget", here, here[:0], robot.planned, arrival.time, nothing[0], robot.memory)
     outcome = jax.device_get(decide(arrival.world, arrival.situation))
     if not outcome.go or not np.isfinite(outcome.leg).all():
-        return Made("planner", here, here[:0], arrival.time, nothing[0], outcome.memory)
+        return Made("planner", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
     leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
     length, interval = float(outcome.length), arrival.world.scenario.measurement_interval
     places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
     measure = np.array([along(leg, float(place)) for place in places]).reshape(-1, 2)
-    return Made(None, leg, measure, arrival.time + length / robot.speed, outcome.message, outcome.memory)
+    planned = arrival.odometer + float(places[-1]) if len(places) else robot.planned
+    return Made(None, leg, measure, planned, arrival.time + length / robot.speed, outcome.message, outcome.memory)
 
 
 def _without_repeats(leg: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"]:

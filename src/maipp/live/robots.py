@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
 
 # Waiting: has not reported yet. Gone: lost or called back; one that arrives after that is back.
 WAITING, TRAVELLING, STOPPED, GONE = "waiting", "travelling", "stopped", "gone"
 
-# A measurement that is due within this part of the interval counts as taken: the robot has just stopped where it was
-# to be taken, a little short, and its report may still be on the way.
-_DUE = 0.05
+# A measurement planned this part of the interval ahead counts as taken on arrival: the robot stopped where it was to be
+# taken, a little short by its odometer, and its report may still be on the way.
+_SHORT = 0.05
 
 
 @dataclass
@@ -34,6 +35,7 @@ class Robot:
     answer: dict[str, Any] | None = None  # what it was told then
     budget_from: tuple[float, str] = (-1.0, "")  # time and id of the event that set its budget
     fixes: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])  # times and odometer at its arrivals
+    planned: float = 0.0  # odometer at the last measurement that its leg was planned with
     # Time, odometer (-1: not told) at its measurements
     measured: list[tuple[float, float]] = field(default_factory=list)
 
@@ -61,30 +63,34 @@ class Robot:
         return self.odometer + _followed(self.leg, position)
 
     def to_next_measurement(self, time: float, odometer: float, interval: float) -> float:
-        """Way until it is to measure again, in (0, interval], counted from where it last did."""
-        times, ways = zip(*sorted([*self.fixes, (time, odometer)]), strict=True)
+        """Way until it is to measure again, in (0, interval], counted from where it last did, or was to."""
+        last = self.planned if self.planned <= odometer + _SHORT * interval else 0.0
         before = [one for one in self.measured if one[0] <= time]
-        since = odometer
         if before:
-            last, told = before[-1]
-            since -= told if told >= 0 else float(np.interp(last, times, ways))
-        since = max(since, 0.0)
-        whole = np.floor(since / interval + _DUE)
-        return float(min((whole + 1) * interval - since, interval))
+            when, told = before[-1]
+            times, ways = zip(*sorted([*self.fixes, (time, odometer)]), strict=True)
+            last = max(last, told if told >= 0 else float(np.interp(when, times, ways)))
+        since = max(odometer - last, 0.0)
+        whole = float(np.floor((since + DISTANCE_TOLERANCE) / interval))
+        return min((whole + 1.0) * interval - since, interval)
 
     def arrive(
         self,
         time: float,
         odometer: float,
+        planned: float,
         leg: Float[np.ndarray, "v 2"],
         answer: dict[str, Any],
         message: Any,
         memory: Any,
     ) -> None:
-        """It is at the leg's first point and was told to travel along it; one point alone: to stop."""
+        """It is at the leg's first point and was told to travel along it, one point alone: to stop.
+
+        `planned` is the odometer at the leg's last measurement, or at the one planned before where it has none.
+        """
         insort(self.fixes, (time, odometer))
         self.time, self.odometer, self.leg, self.answer = time, odometer, leg, answer
-        self.message, self.memory = message, memory
+        self.planned, self.message, self.memory = planned, message, memory
         self.status = TRAVELLING if len(leg) > 1 else STOPPED
         self.arrivals += 1
 

@@ -282,6 +282,7 @@ class LiveSurvey:
         way = {"travelled": units.length_out(odometer), "remaining": units.length_out(robot.budget - odometer)}
         state = {
             "odometer": odometer,
+            "planned": made.planned,
             "leg": made.leg.tolist(),
             "message": pack(made.message),
             "memory": pack(made.memory),
@@ -310,7 +311,7 @@ class LiveSurvey:
                 return
             leg = np.array(state["leg"], np.float64)
             message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
-            robot.arrive(time, state["odometer"], leg, answer, message, memory)
+            robot.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
         elif isinstance(event, Gone):
             robot.leave(time, self._nothing[0])
         elif isinstance(event, Budget):
