@@ -56,7 +56,7 @@ def _engine_step(scenario, planner, mission, state, key, decided):
     return advance(scenario, planner, mission, state, agent, decision), decided.at[agent].add(1)
 
 
-@pytest.mark.parametrize("name", ["random", "receding-horizon"])
+@pytest.mark.parametrize("name", ["random", pytest.param("receding-horizon", marks=pytest.mark.slow)])
 def test_with_the_same_keys_random_planners_travel_as_in_the_engine(scenario, team, name):
     options = {"horizon": 2, "candidates": 16, "elites": 2, "steps": 3, "points": 32} if "horizon" in name else {}
     planner = make_planner(name, scenario, options)

@@ -40,7 +40,7 @@ def test_a_wrong_line_gets_one_error_and_changes_nothing(make, tmp_path, line):
     with make(tmp_path / "j") as survey:
         before = survey.state(), (tmp_path / "j").read_bytes()
         out = io.BytesIO()
-        serve(survey, io.BytesIO(line + b'\n{"query": "state"}\n'), out)
+        serve(survey, io.BytesIO(line + b'\n{"query": "state"}\n').readline, out.write)
         error, state = map(json.loads, out.getvalue().splitlines())
         assert (state, (tmp_path / "j").read_bytes()) == before
     assert error["answer"] == "error" and error["line"] == 1
@@ -103,7 +103,7 @@ def test_a_mistake_of_ours_does_not_end_the_survey(make, monkeypatch, capsys):
 
 def test_lines_are_split_and_cut():
     long = b"x" * (3 << 20)
-    found = list(lines(io.BytesIO(b"a\r\n\n" + long + b"\nb\n" + long + b"\nlast")))
+    found = list(lines(io.BytesIO(b"a\r\n\n" + long + b"\nb\n" + long + b"\nlast").readline))
     assert [found[i] for i in (0, 1, 3, 5)] == [b"a", b"", b"b", b"last"]
     assert len(found) == 6 and len(found[2]) == len(found[4]) == (1 << 20) + 1
 

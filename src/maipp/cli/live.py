@@ -53,11 +53,14 @@ def run(flags: Live) -> int:
         raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
     with _open(flags) as survey:
         survey.warm_up()
-        answers = sys.stdout.buffer
-        answers.write(encode(survey.hello() | {"answer": "ready", "cut": survey.cut}))
-        answers.flush()
-        serve(survey, sys.stdin.buffer, answers)
+        _write(encode(survey.hello() | {"answer": "ready", "cut": survey.cut}))
+        serve(survey, sys.stdin.buffer.readline, _write)
     return 0
+
+
+def _write(line: bytes) -> None:
+    sys.stdout.buffer.write(line)
+    sys.stdout.buffer.flush()
 
 
 def _open(flags: Live) -> "LiveSurvey":

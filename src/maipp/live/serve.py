@@ -3,8 +3,8 @@
 import json
 import sys
 import traceback
-from collections.abc import Iterator
-from typing import Any, BinaryIO
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from maipp.errors import InputError
 from maipp.live.request import LONGEST_LINE, parse_line
@@ -13,11 +13,14 @@ from maipp.live.survey import LiveSurvey
 _TOO_LONG = b"x" * (LONGEST_LINE + 1)
 
 
-def serve(survey: LiveSurvey, requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer each line of `requests` until they end. A line that is not right gets an `error` and changes nothing."""
-    for number, line in enumerate(lines(requests), start=1):
-        answers.write(encode(answer_line(survey, line, number)))
-        answers.flush()
+def serve(survey: LiveSurvey, read_line: Callable[[int], bytes], write: Callable[[bytes], object]) -> None:
+    """Answer each line until there are no more. One that is not right gets an `error` and changes nothing.
+
+    `read_line` gives the next line of at most so many bytes, as files' `readline` does; `write` must not keep back what
+    it is given.
+    """
+    for number, line in enumerate(lines(read_line), start=1):
+        write(encode(answer_line(survey, line, number)))
 
 
 def answer_line(survey: LiveSurvey, line: bytes, number: int) -> dict[str, Any]:
@@ -41,12 +44,12 @@ def encode(answer: dict[str, Any]) -> bytes:
     return json.dumps(answer, allow_nan=False, separators=(", ", ": ")).encode("ascii") + b"\n"
 
 
-def lines(requests: BinaryIO) -> Iterator[bytes]:
+def lines(read_line: Callable[[int], bytes]) -> Iterator[bytes]:
     """The lines without their ends; of one that is too long only as much as tells so is kept."""
-    while line := requests.readline(LONGEST_LINE + 2):
+    while line := read_line(LONGEST_LINE + 2):
         whole = line.endswith(b"\n")
         if not whole and len(line) > LONGEST_LINE:
-            while (rest := requests.readline(LONGEST_LINE)) and not rest.endswith(b"\n"):
+            while (rest := read_line(LONGEST_LINE)) and not rest.endswith(b"\n"):
                 pass
             line = _TOO_LONG
         yield line.rstrip(b"\r\n")
