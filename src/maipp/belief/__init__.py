@@ -3,12 +3,14 @@
 from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, trace
 from maipp.belief.kernel import Matern32
 from maipp.belief.posterior import Belief, append, condition, extend, posterior, predict
+from maipp.belief.prior_samples import PriorSamples
 from maipp.belief.window import condition_near
 
 __all__ = [
     "Belief",
     "Interest",
     "Matern32",
+    "PriorSamples",
     "append",
     "condition",
     "condition_near",

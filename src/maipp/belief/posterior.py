@@ -112,7 +112,7 @@ def _with_survey(belief: Belief, survey: Survey) -> Belief:
     )
 
 
-def _factor(gram: Float[Array, "n n"], noise: Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+def nugget_factor(gram: Float[Array, "n n"], noise: Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
     """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or more where that is not finite."""
     identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
     fixed = lax.stop_gradient(gram)
@@ -136,17 +136,19 @@ def condition(
     mask: Bool[Array, " n"],
     query: Float[Array, "q 2"],
     noise: float | Float[Array, ""] = 1e-6,
+    extra_noise: Float[Array, " n"] | None = None,
 ) -> Belief:
     """Belief after the measurements whose mask is True, with predictions at `query`.
 
-    `noise` is the measurement variance added to the diagonal. Where float32 cannot factor the matrix (duplicate
-    points), the nugget grows tenfold until it can. Source: Rasmussen & Williams 2006, Alg. 2.1.
+    `noise` is the measurement variance added to the diagonal, `extra_noise` what that of each measurement exceeds it
+    by. Where float32 cannot factor the matrix (duplicate points), the nugget grows tenfold until it can. Source:
+    Rasmussen & Williams 2006, Alg. 2.1.
     """
     pair = mask[:, None] & mask[None, :]
     prior = jnp.asarray(kernel.variance, x.dtype)
     gram = jnp.where(pair, kernel.matrix(x, x), 0.0)
-    gram = gram + jnp.diag(jnp.where(mask, 0.0, prior))
-    factor, nugget = _factor(gram, jnp.asarray(noise, x.dtype))
+    gram = gram + jnp.diag(jnp.where(mask, 0.0 if extra_noise is None else extra_noise, prior))
+    factor, nugget = nugget_factor(gram, jnp.asarray(noise, x.dtype))
     identity = jnp.eye(x.shape[0], dtype=x.dtype)
     inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
     cross = jnp.where(mask[:, None], kernel.matrix(x, query), 0.0)
@@ -177,7 +179,8 @@ def condition_window(
 
     Where the slots hold all that is known it is exact.
     """
-    part = condition(kernel, survey.x[slots], survey.y[slots], survey.mask[slots], query, survey.noise)
+    extra = None if survey.extra_noise is None else survey.extra_noise[slots]
+    part = condition(kernel, survey.x[slots], survey.y[slots], survey.mask[slots], query, survey.noise, extra)
     ready = dataclasses.replace(part, survey=survey, shrink=jnp.ones_like(part.mean), window=slots.shape[0])
     return _with_survey(ready, survey)
 
@@ -257,7 +260,7 @@ def extend(
     prior = jnp.asarray(belief.kernel.variance, x.dtype)
     pair = mask[:, None] & mask[None, :]
     schur = jnp.where(pair, belief.kernel.matrix(x, x) - rows @ rows.T, 0.0) + jnp.diag(jnp.where(mask, 0.0, prior))
-    factor, _ = _factor(schur, belief.noise)
+    factor, _ = nugget_factor(schur, belief.noise)
     identity = jnp.eye(x.shape[0], dtype=x.dtype)
     inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
     cross = jnp.where(mask[:, None], belief.kernel.matrix(x, belief.query) - rows @ belief.whitened_query, 0.0)

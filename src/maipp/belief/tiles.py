@@ -31,13 +31,18 @@ class Survey(NamedTuple):
     mask: Bool[Array, " n"]  # True where a slot holds a measurement
     spaced: Float[Array, " n"]  # `spacing` of the measurements, domain units
     noise: Float[Array, ""]  # noise variance
+    extra_noise: Float[Array, " n"] | None = None  # what that of each measurement exceeds it by
 
 
 def survey_of(
-    x: Float[Array, "n 2"], y: Float[Array, " n"], mask: Bool[Array, " n"], noise: float | Float[Array, ""]
+    x: Float[Array, "n 2"],
+    y: Float[Array, " n"],
+    mask: Bool[Array, " n"],
+    noise: float | Float[Array, ""],
+    extra_noise: Float[Array, " n"] | None = None,
 ) -> Survey:
     """The survey with these measurements."""
-    return Survey(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype))
+    return Survey(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype), extra_noise)
 
 
 def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
@@ -83,7 +88,8 @@ def _predict(
     prior = jnp.asarray(kernel.variance, x.dtype)
     pair = mask[:, :, None] & mask[:, None, :]
     gram = jnp.where(pair, kernel(x[:, :, None], x[:, None, :]), 0.0)
-    own = jnp.where(mask, survey.noise, prior)
+    noise = survey.noise if survey.extra_noise is None else survey.noise + survey.extra_noise[chosen]
+    own = jnp.where(mask, noise, prior)
     factor = _factors(gram, own, prior)
     cross = jnp.where(mask[:, :, None], kernel(x[:, :, None], tiles[:, None, :]), 0.0)
     solved = lax.linalg.triangular_solve(

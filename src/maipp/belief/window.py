@@ -27,6 +27,7 @@ def condition_near(
     mask: Bool[Array, " n"],
     query: Float[Array, "q 2"],
     noise: float | Float[Array, ""] = 1e-6,
+    extra_noise: Float[Array, " n"] | None = None,
     *,
     near: Float[Array, "2"],
     reach: float | Float[Array, ""],
@@ -34,11 +35,12 @@ def condition_near(
 ) -> Belief:
     """Belief of an agent that is at `near`, whose slots hold at most `capacity` of the measurements.
 
-    `reach` (domain units) is how far around the agent no measurement counts more than another. With up to `capacity`
-    slots it is `condition`, bit for bit; with more slots but no more measurements it is the same up to rounding.
+    `reach` (domain units) is how far around the agent no measurement counts more than another; `extra_noise` is that of
+    `condition`. With up to `capacity` slots it is `condition`, bit for bit; with more slots but no more measurements it
+    is the same up to rounding.
     """
     if x.shape[0] <= capacity:
-        return condition(kernel, x, y, mask, query, noise)
-    survey = survey_of(x, y, mask, noise)
+        return condition(kernel, x, y, mask, query, noise, extra_noise)
+    survey = survey_of(x, y, mask, noise, extra_noise)
     window = most_telling(x, mask, survey.spaced, near, near, reach, capacity)
     return condition_window(kernel, survey, window, query)

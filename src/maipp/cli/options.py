@@ -16,6 +16,20 @@ from maipp.scenario_io import load_scenario
 _SCENARIO_KEY = "scenario."
 
 
+def assignments(settings: tuple[tuple[str, ...], ...]) -> dict[str, str]:
+    """The `--set KEY=VALUE` items as a mapping; raises `InputError` for one that is none, and for a key given twice."""
+    found: dict[str, str] = {}
+    for item in (item for group in settings for item in group):
+        key, equals, value = item.partition("=")
+        if not (equals and key.strip()):
+            raise InputError(f"--set {item}: not an assignment; give KEY=VALUE, such as joint=true")
+        key = key.strip().replace("-", "_")
+        if key in found:
+            raise InputError(f"--set {key}: given twice; keep one")
+        found[key] = value.strip()
+    return found
+
+
 @dataclass(frozen=True)
 class ScenarioFlags:
     """The survey that a command runs. A flag left out keeps what the scenario file says, or the default."""
@@ -74,16 +88,7 @@ class ScenarioFlags:
         return {key: value for key, value in self._assignments().items() if not key.startswith(_SCENARIO_KEY)}
 
     def _assignments(self) -> dict[str, str]:
-        assignments: dict[str, str] = {}
-        for item in (item for group in self.settings for item in group):
-            key, equals, value = item.partition("=")
-            if not (equals and key.strip()):
-                raise InputError(f"--set {item}: not an assignment; give KEY=VALUE, such as joint=true")
-            key = key.strip().replace("-", "_")
-            if key in assignments:
-                raise InputError(f"--set {key}: given twice; keep one")
-            assignments[key] = value.strip()
-        return assignments
+        return assignments(self.settings)
 
     def _scenario_settings(self) -> dict[str, Any]:
         return {

@@ -23,9 +23,10 @@ class Observation(eqx.Module):
     remaining: Float[Array, ""]  # what is left of it
     speed: Float[Array, ""]  # its speed
     to_next_measurement: Float[Array, ""]  # distance it travels before it measures again, in (0, interval]
-    measurement_x: Float[Array, "s 2"]  # positions of all slots of the team
+    # Slots: all of the team's, agent by agent, and after them the prior samples, where the mission has any.
+    measurement_x: Float[Array, "s 2"]  # positions, domain units
     measurement_y: Float[Array, " s"]  # measured values, normalised units
-    known: Bool[Array, " s"]  # the slots whose value this agent knows
+    known: Bool[Array, " s"]  # the slots whose value this agent knows; it always knows the prior samples
     belief: Belief  # its own belief, predicted on the evaluation grid
     inside: Bool[Array, " q"]  # grid points of the survey area
     heard: Bool[Array, " m"]  # agents within communication range now; never itself

@@ -77,6 +77,9 @@ def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, he
     x = state.measurement_x.reshape(-1, 2)
     y = state.measurement_y.reshape(-1)
     known = _pick(state.known, agent).reshape(-1)
+    extra_noise = None
+    if mission.prior is not None:  # decided while tracing: without a prior nothing is added to the computation
+        x, y, known, extra_noise = mission.prior.after(x, y, known, scenario.noise)
     interval = scenario.measurement_interval
     odometer = _pick(state.odometer, agent)
     where = positions(state, mission.speeds)
@@ -89,6 +92,7 @@ def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, he
         known,
         mission.grid,
         scenario.noise,
+        extra_noise,
         near=position,
         reach=window_reach(scenario),
         capacity=scenario.belief_capacity,

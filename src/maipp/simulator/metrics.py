@@ -1,5 +1,7 @@
 """How well a mission went: the objective and the measures that cannot be gamed by shrinking the predicted area."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
@@ -23,18 +25,49 @@ class Metrics(eqx.Module):
 
 
 def belief_of(scenario: Scenario, mission: Mission, state: State, mask: Bool[Array, "m s"]) -> Belief:
-    """The belief on the evaluation grid that the masked measurements give."""
-    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    """The belief on the evaluation grid that the masked measurements give, and the prior samples after them."""
+    x, y, known = state.measurement_x.reshape(-1, 2), state.measurement_y.reshape(-1), mask.reshape(-1)
+    extra_noise = None
+    if mission.prior is not None:
+        x, y, known, extra_noise = mission.prior.after(x, y, known, scenario.noise)
+    return condition(kernel_of(scenario), x, y, known, mission.grid, scenario.noise, extra_noise)
+
+
+Moments = Callable[[Bool[Array, "m s"]], tuple[Float[Array, " q"], Float[Array, " q"]]]
+
+
+def moments_of(scenario: Scenario, mission: Mission, state: State) -> Moments:
+    """Mean and variance on the evaluation grid as a function of which measurements are known.
+
+    Those of `belief_of`; of many masks, each is as cheap with prior samples as without, as these are factored once.
+    """
+    if mission.prior is None:
+
+        def given(mask: Bool[Array, "m s"]) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
+            belief = belief_of(scenario, mission, state, mask)
+            return belief.mean, belief.variance
+
+        return given
     x, y = state.measurement_x.reshape(-1, 2), state.measurement_y.reshape(-1)
-    return condition(kernel, x, y, mask.reshape(-1), mission.grid, scenario.noise)
+    process = mission.prior.process(kernel_of(scenario), x, mission.grid, scenario.noise)
+    return lambda mask: process.given(y, mask.reshape(-1), scenario.noise)
+
+
+def taken_by(state: State, time: float | Float[Array, ""] = jnp.inf) -> Bool[Array, "m s"]:
+    """The measurements that the team has taken by `time` (default: all of them)."""
+    return jnp.isfinite(state.measurement_time) & (state.measurement_time <= time)
 
 
 def pooled_belief(
     scenario: Scenario, mission: Mission, state: State, time: float | Float[Array, ""] = jnp.inf
 ) -> Belief:
     """The belief from all measurements that the team has taken by `time` (default: all of them)."""
-    taken = jnp.isfinite(state.measurement_time) & (state.measurement_time <= time)
-    return belief_of(scenario, mission, state, taken)
+    return belief_of(scenario, mission, state, taken_by(state, time))
+
+
+def kernel_of(scenario: Scenario) -> Matern32:
+    """The scenario's prior covariance."""
+    return Matern32(scenario.length_scale, scenario.signal_variance)
 
 
 def interest_of(scenario: Scenario) -> Interest:
@@ -45,18 +78,18 @@ def interest_of(scenario: Scenario) -> Interest:
 def _score(scenario: Scenario, mission: Mission, state: State) -> Metrics:
     """Metrics of one unbatched mission."""
     interest = interest_of(scenario)
-    pooled = pooled_belief(scenario, mission, state)
-    final = interest.trace(pooled.mean, pooled.variance, mission.inside)
+    moments = moments_of(scenario, mission, state)
+    mean, variance = moments(taken_by(state))
+    final = interest.trace(mean, variance, mission.inside)
 
     def own(known: Bool[Array, "m s"]) -> Float[Array, ""]:
-        belief = belief_of(scenario, mission, state, known)
-        return interest.trace(belief.mean, belief.variance, mission.inside)
+        return interest.trace(*moments(known), mission.inside)
 
     return Metrics(
         trace=final,
         own_trace=jnp.mean(lax.map(own, state.known)),
-        true_trace=trace(pooled.variance, (mission.truth >= scenario.threshold) & mission.inside),
-        rmse=rmse(pooled.mean, mission.truth, mission.inside),
+        true_trace=trace(variance, (mission.truth >= scenario.threshold) & mission.inside),
+        rmse=rmse(mean, mission.truth, mission.inside),
         distance=jnp.sum(state.odometer),
         decisions=state.events.astype(final.dtype),
     )
@@ -73,10 +106,9 @@ def trace_over_time(
     scenario: Scenario, mission: Mission, state: State, times: Float[Array, " t"]
 ) -> Float[Array, " t"]:
     """Tr(P) of the pooled belief of one mission at each time."""
-    interest = interest_of(scenario)
+    interest, moments = interest_of(scenario), moments_of(scenario, mission, state)
 
     def at(time: Float[Array, ""]) -> Float[Array, ""]:
-        belief = pooled_belief(scenario, mission, state, time)
-        return interest.trace(belief.mean, belief.variance, mission.inside)
+        return interest.trace(*moments(taken_by(state, time)), mission.inside)
 
     return lax.map(at, times)

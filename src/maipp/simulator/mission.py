@@ -1,4 +1,4 @@
-"""The world of one survey, drawn from a scenario: field, starts, roadmaps."""
+"""The world of one survey, drawn from a scenario: field, starts, roadmaps, and what was measured there before."""
 
 import dataclasses
 from collections.abc import Callable
@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.belief import PriorSamples
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
@@ -30,6 +31,17 @@ class Mission(eqx.Module):
     budgets: Float[Array, "*b m"]  # longest path of each agent, domain units
     speeds: Float[Array, "*b m"]  # domain units per unit of time
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
+    # Samples taken before the survey, which every belief is conditioned on; None where there are none.
+    prior_x: Float[Array, "*b p 2"] | None = None  # positions, domain units
+    prior_y: Float[Array, "*b p"] | None = None  # values, standardised
+    prior_noise: Float[Array, "*b p"] | None = None  # noise variance of each; None: that of the scenario
+
+    @property
+    def prior(self) -> PriorSamples | None:
+        """The prior samples; arrays of a batch have its leading axis."""
+        if self.prior_x is None or self.prior_y is None:
+            return None
+        return PriorSamples(self.prior_x, self.prior_y, self.prior_noise)
 
 
 # Uniform draws for a start; the first outside the no-go zones is taken.
@@ -85,14 +97,20 @@ def draw_missions(
     roadmaps: bool = True,
     encodings: int = 0,
     field: Field | None = None,
+    prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
+    prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
 ) -> Mission:
     """A batch of `instances * trials` missions, instance slowest.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
     planners meet the same worlds. Roadmaps carry a spectral encoding of `encodings` columns, which planners with a
     policy need (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given ground truth.
-    Raises InputError where obstacles leave no room.
+    `prior` are positions (domain units) and standardised values of samples taken before the survey, the same in every
+    mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each other; none at
+    all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the scenario's.
+    Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
     """
+    samples = checked_prior(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
     grid, fields, truth, draws = drawn
@@ -121,7 +139,38 @@ def draw_missions(
         budgets=every(np.asarray(scenario.budgets)),
         speeds=every(np.asarray(scenario.speeds)),
         roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
+        prior_x=None if samples is None else every(samples.x),
+        prior_y=None if samples is None else every(samples.y),
+        prior_noise=None if samples is None or samples.noise is None else every(samples.noise),
     )
+
+
+def checked_prior(prior: Any, noise: Any = None) -> PriorSamples | None:
+    """The prior samples as `draw_missions` takes them, on the host and at JAX's precision; None where there are none.
+
+    Raises InputError for shapes that do not match, numbers that are not finite, and noise below 0.
+    """
+    if prior is None or not np.size(prior[1]):
+        return None
+    x, y = (np.asarray(array, np.float64) for array in prior)
+    if y.ndim != 1 or x.shape != (len(y), 2):
+        raise InputError(f"prior: positions {x.shape} and values {y.shape} do not match; give (p, 2) and (p,)")
+    spread = None if noise is None else np.asarray(noise, np.float64)
+    if spread is not None and spread.shape not in ((), y.shape):
+        raise InputError(f"prior_noise: has shape {spread.shape}; give one number, or one for each of {len(y)} samples")
+    if spread is not None and not (spread >= 0).all():
+        raise InputError("prior_noise: must be 0 or more; it is the variance of a sample's noise")
+    real = jnp.result_type(float)
+    with np.errstate(over="ignore"):  # told below, in words
+        arrays = [None if array is None else array.astype(real) for array in (x, y, spread)]
+    for name, array in zip(("prior positions", "prior values", "prior_noise"), arrays, strict=True):
+        if array is not None and not np.isfinite(array).all():
+            where = np.argwhere(~np.isfinite(array))[0]
+            place = f" of sample {where[0]}" if len(where) else ""
+            raise InputError(f"{name}: not a finite number{place}; leave out samples without a value")
+    x, y, spread = arrays
+    assert x is not None and y is not None
+    return PriorSamples(x, y, None if spread is None else np.broadcast_to(spread, y.shape))
 
 
 def _draw_roadmaps(

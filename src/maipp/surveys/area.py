@@ -16,9 +16,10 @@ from maipp.typing import Float
 
 # The border that planners see is simplified until it has no more vertices than this: each planner tests its legs
 # against every edge.
-MOST_VERTICES = 300
+MOST_VERTICES = 400
 
 _FINEST, _COARSEST = 1 / 2000, 1 / 100  # tolerance of the simplification, shares of the area's longest side
+_NECK = 1.5e-3  # share of the longest side: half the width of the narrowest passage
 _QUADRANT = 16  # segments of a quarter circle in a buffer
 _ROUND = 1 / math.cos(math.pi / (4 * _QUADRANT))  # how far a circle of such chords must be blown up to hold the circle
 _SPAN = (1.0, 1_000_000.0)  # metres: shortest and longest the longest side of an area may be
@@ -120,20 +121,21 @@ class Told:
 def _shrink(true: BaseGeometry, clearance: float, longest: float) -> tuple[list[Polygon], float, float]:
     """The simplified parts of what is left of a region away from its border; how far, and how far at least."""
     tolerance = longest * _FINEST
+    # Passages that would be left narrower than this to either side: planners in the plane need that much, and no
+    # roadmap would find its way through.
+    neck = max(clearance / 2, longest * _NECK)
     while True:
         # The simplified border may stray back by one tolerance, so one remains for rounding and curved legs.
         shift = clearance + 2 * tolerance
-        # Necks narrower than this on either side would be there, but no roadmap would find its way through.
-        neck = max(clearance / 2, 3 * tolerance)
         core = shapely.buffer(true, -(shift + neck) * _ROUND, quad_segs=_QUADRANT)
         opened = shapely.buffer(core, neck, quad_segs=_QUADRANT)
         parts = [part for part in shapely.get_parts(opened) if isinstance(part, Polygon)]
         # Islands survive: the simplification keeps the topology, and an island has grown by the shift.
         parts = [_valid(part.simplify(tolerance)) for part in parts if part.area > (4 * tolerance) ** 2]
-        count = sum(shapely.get_num_coordinates(part) for part in parts)
+        count = max((shapely.get_num_coordinates(part) for part in parts), default=0)
         if count <= MOST_VERTICES or tolerance >= longest * _COARSEST:
             return parts, shift + neck, clearance + tolerance
-        tolerance *= 1.5
+        tolerance *= 1.25
 
 
 def _valid(part: Polygon) -> Polygon:

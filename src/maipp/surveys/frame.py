@@ -121,9 +121,14 @@ def project(centre: tuple[float, float], points: HostPoints) -> HostPoints:
 
 def unproject(centre: tuple[float, float], points: HostPoints) -> HostPoints:
     """(longitude, latitude) in degrees of local metres; longitudes in [-180, 180)."""
-    degrees = _transform(centre, "INVERSE", points)
-    degrees[..., 0] = (degrees[..., 0] + 180.0) % 360.0 - 180.0
-    return degrees
+    return wrap(_transform(centre, "INVERSE", points))
+
+
+def wrap(points: HostPoints) -> HostPoints:
+    """The same (longitude, latitude) positions with longitudes in [-180, 180)."""
+    points = np.array(points, np.float64)
+    points[..., 0] = (points[..., 0] + 180.0) % 360.0 - 180.0
+    return points
 
 
 def _transform(centre: tuple[float, float], direction: Any, points: HostPoints) -> HostPoints:

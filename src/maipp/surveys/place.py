@@ -47,8 +47,8 @@ def find_place(survey: Survey) -> Place:
     if geographic:
         if east - west > 180 or max(-south, north) > 89:
             raise InputError(
-                f"{where}: spans longitudes {west:g} to {east:g} and latitudes {south:g} to {north:g}, too much for one "
-                "local projection; give a smaller area, or metric coordinates with `metres: true`"
+                f"{where}: spans longitudes {west:g} to {east:g} and latitudes {south:g} to {north:g}, too much for "
+                "one local projection; give a smaller area, or metric coordinates with `metres: true`"
             )
         centre = ((west + east) / 2, (south + north) / 2)
     frame = Frame(

@@ -13,7 +13,7 @@ from maipp.errors import InputError
 from maipp.scenario import Scenario, ScenarioError
 from maipp.surveys.area import FreeSpace, free_space
 from maipp.surveys.complement import complement, without_holes
-from maipp.surveys.frame import Frame
+from maipp.surveys.frame import Frame, wrap
 from maipp.surveys.geojson import unwrap
 from maipp.surveys.place import Place, PlaceNames, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
@@ -236,7 +236,10 @@ def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], 
         if len(polygon.exterior.coords) > _MOST_FENCE:
             polygon = polygon.simplify(tolerance)
         points = place.frame.from_metres(shapely.get_coordinates(polygon.exterior))
+        if place.frame.geographic:
+            points = unwrap(points, place.frame.centre[0])
         # Positions that only the projection needed lie on straight lines again.
-        return shapely.get_coordinates(Polygon(unwrap(points, place.frame.centre[0])).simplify(_STRAIGHT))[:-1]
+        points = shapely.get_coordinates(Polygon(points).simplify(_STRAIGHT))[:-1]
+        return wrap(points) if place.frame.geographic else points
 
     return ring(Polygon(part.exterior)), tuple(ring(zone) for zone in zones)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from maipp.missions.vehicle import Vehicle
 from maipp.surveys.geojson import Rings
 
 Pair = tuple[float, float]
@@ -79,6 +80,7 @@ class Survey:
     noise: float | None  # standard deviation of a measurement, in the unit
     kernel: Kernel
     communication_range_m: float | None  # None: at any distance
+    vehicle: Vehicle  # whom the mission files are for
     planner: str
     planner_options: Mapping[str, Any]
     scenario: Mapping[str, Any]  # settings of the scenario that the file changes

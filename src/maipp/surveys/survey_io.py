@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.missions.vehicle import Vehicle
 from maipp.scenario_checks import show
 from maipp.surveys.entry import Entry, is_point, read_yaml
 from maipp.surveys.geojson import Rings, load_geojson, polygons_in
@@ -26,6 +27,7 @@ KEYS = (
     "noise",
     "kernel",
     "communication_range_m",
+    "vehicle",
     "planner",
     "planner_options",
     "scenario",
@@ -34,6 +36,7 @@ KEYS = (
 )
 ROBOT_KEYS = ("name", "start", "speed", "budget_m", "budget_minutes")
 RASTER_AREA_KEYS = ("raster", "value", "below", "above")
+VEHICLE_KEYS = ("kind", "autopilot", "altitude_m", "return_home", "fence")
 KERNEL_KEYS = ("length_scale_m", "mean", "std")
 SAMPLE_KEYS = ("file", "x", "y", "value")
 REHEARSAL_KEYS = ("raster", "value", "fields")
@@ -107,6 +110,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
             if "communication_range_m" in keys
             else None
         ),
+        vehicle=_vehicle(keys["vehicle"]) if "vehicle" in keys else Vehicle(),
         planner=keys["planner"].text("the name of a planner") if "planner" in keys else DEFAULT_PLANNER,
         planner_options=dict(options.value) if options is not None else {},
         scenario=_scenario(keys["scenario"]) if "scenario" in keys else {},
@@ -193,6 +197,23 @@ def _robots(entry: Entry, spacing: float, metres: bool) -> tuple[Robot, ...]:
         start = keys["start"].point(f"a start; give {axes}")
         robots.append(Robot(name, start, budget, speed, f"{keys['start'].where}: {keys['start'].key}"))
     return tuple(robots)
+
+
+def _vehicle(entry: Entry) -> Vehicle:
+    """The vehicle that mission files are for: its kind, or a mapping with more of it."""
+    given: dict[str, Any] = {"kind": entry.value}
+    if isinstance(entry.value, dict):
+        keys = entry.children(VEHICLE_KEYS)
+        given = {key: keys[key].text("a word") for key in ("kind", "autopilot") if key in keys}
+        given |= {key: keys[key].flag() for key in ("return_home", "fence") if key in keys}
+        if "altitude_m" in keys:
+            given["altitude"] = keys["altitude_m"].number("a height above home, in metres")
+    elif not isinstance(entry.value, str):
+        entry.wrong(f"{show(entry.value)} is no vehicle; give boat, rover or copter")
+    try:
+        return Vehicle(**given)
+    except InputError as error:
+        return entry.wrong(str(error))
 
 
 def _samples(entry: Entry, folder: Path) -> SampleFile:

@@ -1,0 +1,59 @@
+"""Cut the files of this example from Matplotlib's sample data: python docs/examples/strait/make_strait.py
+
+relief.npz is the relief of the Strait of Georgia in metres, on longitudes and latitudes; area-metres.geojson and
+land-metres.geojson are the same place in metres (UTM zone 10 north): the window, and its land as no-go zones.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import shapely
+from matplotlib.cbook import get_sample_data
+
+from maipp.files import atomic_path, write_atomic
+from maipp.surveys.raster_area import raster_polygons
+from maipp.surveys.survey import RasterArea
+
+HERE = Path(__file__).parent
+WEST, EAST, SOUTH, NORTH = -125.0, -122.95, 48.85, 50.0  # degrees
+
+
+def cut_relief(path: Path) -> None:
+    """Write the window of the sample data: elevation in metres, below 0 under water."""
+    with np.load(str(get_sample_data("topobathy.npz", asfileobj=False))) as file:
+        elevation, longitude, latitude = file["topo"], file["longitude"] - 360.0, file["latitude"]
+    columns, rows = (longitude >= WEST) & (longitude <= EAST), (latitude >= SOUTH) & (latitude <= NORTH)
+    with atomic_path(path) as temporary:
+        np.savez_compressed(
+            temporary,
+            elevation=elevation[rows][:, columns].astype(np.float32),
+            longitude=longitude[columns],
+            latitude=latitude[rows],
+        )
+
+
+def metric_files(relief: Path, folder: Path) -> None:
+    """Write the window and its land as GeoJSON polygons in metres."""
+    land = raster_polygons(RasterArea(relief, None, 0.0, False, str(relief)), geographic=True)
+    with np.load(relief) as file:
+        longitude, latitude = file["longitude"], file["latitude"]
+    # A little smaller than the relief: in metres its borders are curved.
+    window = shapely.box(longitude[0] + 0.02, latitude[0] + 0.02, longitude[-1] - 0.02, latitude[-1] - 0.02)
+    to_metres = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32610", always_xy=True)
+
+    def metric(polygon: shapely.Polygon) -> dict:
+        projected = shapely.transform(polygon, to_metres.transform, interleaved=False)
+        return json.loads(shapely.to_geojson(shapely.set_precision(projected, 1.0)))
+
+    write_atomic(folder / "area-metres.geojson", json.dumps(metric(window)) + "\n")
+    features = [{"type": "Feature", "properties": {}, "geometry": metric(polygon)} for polygon in land]
+    write_atomic(
+        folder / "land-metres.geojson", json.dumps({"type": "FeatureCollection", "features": features}) + "\n"
+    )
+
+
+if __name__ == "__main__":
+    cut_relief(HERE / "relief.npz")
+    metric_files(HERE / "relief.npz", HERE)

@@ -1,0 +1,71 @@
+"""Cells of a table whose worlds are drawn from the scenario's own prior, as in a survey whose kernel was fitted."""
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from maipp.belief import Matern32
+from maipp.benchmarks.cells import Cell, CellResult
+from maipp.benchmarks.evaluate import Progress
+from maipp.benchmarks.fingerprint import code_digest
+from maipp.benchmarks.machine import machine, versions
+from maipp.fields.gp_field import draw_fields
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, Planner, draw_missions, run_missions
+from maipp.simulator.metrics import Metrics, score_missions
+
+# Mixed into the seed for the fields and for the planner's randomness, so that they share no key with an instance.
+_FIELD_STREAM, _PLANNER_STREAM = 0xFFFFFFFE, 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class PriorCell(Cell):
+    """The missions of one row at one budget, the ground truth a draw of the prior with the scenario's kernel."""
+
+    @cached_property
+    def made_by(self) -> dict[str, Any]:
+        """Everything that decides the numbers, as plain JSON."""
+        return {**super().made_by, "worlds": "prior", "draws": code_digest((__name__,))}
+
+    def compute(self, progress: Progress | None = None) -> CellResult:
+        """Run the missions."""
+        begun = time.perf_counter()
+        shapes = self.scenario if self.longest_budget is None else self.scenario.replace(budget=self.longest_budget)
+        planner = make_planner(self.row.planner, shapes, self.row.options)
+        missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials)
+        key = jax.random.fold_in(jax.random.key(self.seed), _PLANNER_STREAM)
+        states = run_missions(shapes, planner, missions, key)
+        metrics = jax.device_get(score_missions(shapes, missions, states))
+        if progress is not None:
+            progress(self.instances * self.trials, self.instances * self.trials)
+        values: Mapping[str, np.ndarray] = {
+            field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(self.instances, self.trials)
+            for field in dataclasses.fields(Metrics)
+        }
+        return CellResult(values, time.perf_counter() - begun, machine(), versions())
+
+
+def prior_missions(scenario: Scenario, planner: Planner, seed: int, instances: int, trials: int) -> Mission:
+    """A batch of `instances * trials` missions as `draw_missions` draws them, but for the ground truth: a draw of the
+    Gaussian process that the scenario describes. The instance fixes it, whatever the planner and the budget."""
+    missions = draw_missions(
+        scenario,
+        seed=seed,
+        instances=instances,
+        trials=trials,
+        roadmaps=planner.uses_roadmap,
+        encodings=planner.encoding_dimensions,
+    )
+    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    drawn = draw_fields(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), kernel, instances)
+    fields = jax.tree.map(lambda leaf: jnp.repeat(leaf, trials, axis=0), drawn)
+    truth = jax.jit(jax.vmap(lambda field, grid: field(grid)))(fields, missions.grid)
+    return dataclasses.replace(missions, field=fields, truth=truth)

@@ -1,0 +1,253 @@
+"""`maipp survey`: from a mission file to routes that can be loaded, and what the team can expect of them."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from maipp.cli.options import assignments
+from maipp.errors import InputError
+from maipp.files import staged_folder, write_atomic
+
+if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
+    from maipp.missions.route_plan import RoutePlan
+    from maipp.simulator.episode import Episode
+    from maipp.surveys.standardise import PreparedSurvey
+    from maipp.surveys.survey import Survey as MissionFile
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Plan a survey of a real place from a mission file (docs/survey.md), or rehearse it.
+
+    maipp survey --new mission.yaml          write a commented mission file to start from
+    maipp survey mission.yaml --check        say what is wrong with it, or what will be planned
+    maipp survey mission.yaml --out DIR      plan it: mission files for the robots, overview.png, episode.json
+    maipp survey mission.yaml --rehearse     simulate it on possible fields: what can the team expect?
+    """
+
+    mission: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MISSION.yaml")] = None
+    """the mission file"""
+
+    new: bool = False
+    """write a commented mission file to MISSION.yaml, or to standard output without one"""
+
+    check: bool = False
+    """read and check only; write nothing"""
+
+    out: Path = Path("out/survey")
+    """folder to write to"""
+
+    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: the file's)")] = None
+    """planner instead of the file's"""
+
+    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: the file's)")] = None
+    """seed instead of the file's"""
+
+    settings: Annotated[
+        tuple[tuple[str, ...], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
+    ] = ()
+    """options of the planner (`maipp planners` lists them)"""
+
+    rehearse: bool = False
+    """simulate the mission on possible fields instead of planning it"""
+
+    robots: Annotated[str | None, tyro.conf.arg(metavar="N..M", help_behavior_hint="(default: 1 to the file's)")] = None
+    """sizes of the team to rehearse, such as 1..4 or 2; robots beyond the file's are copies of its last"""
+
+    planners: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: the file's)")
+    ] = ()
+    """planners to rehearse"""
+
+    fields: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: the file's, or 30)")] = (
+        None
+    )
+    """rehearsals of each planner and team"""
+
+    raster: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: the file's)")] = None
+    """gridded map to rehearse on instead of drawn fields, in the mission's coordinates and unit"""
+
+
+def run(flags: Survey) -> int:
+    """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
+    if flags.new:
+        return _new(flags.mission)
+    if flags.mission is None:
+        raise InputError("no mission file; give one, or write one to start from: maipp survey --new mission.yaml")
+    if flags.seed is not None and not 0 <= flags.seed < 2**63:
+        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    _check_flags(flags)
+    from maipp.surveys.survey_io import load_survey
+
+    survey = load_survey(flags.mission)
+    return _rehearse(flags, survey) if flags.rehearse else _plan(flags, survey)
+
+
+def _new(path: Path | None) -> int:
+    from maipp.surveys.template import TEMPLATE
+
+    if path is None:
+        sys.stdout.write(TEMPLATE)
+        return 0
+    if path.exists():
+        raise InputError(f"{path}: exists already; give another name")
+    write_atomic(path, TEMPLATE)
+    print(f"wrote {path}; change it, then: maipp survey {path} --check")
+    return 0
+
+
+def _check_flags(flags: Survey) -> None:
+    """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
+    rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
+    if not flags.rehearse:
+        for name, value in rehearsals.items():
+            if value not in (None, ()):
+                raise InputError(f"--{name}: says what to rehearse; add --rehearse, or leave it out")
+    elif flags.planner is not None:
+        raise InputError("--planner: a rehearsal may have several planners; give --planners")
+
+
+def _plan(flags: Survey, survey: "MissionFile") -> int:
+    from maipp.surveys.standardise import prepare
+
+    console = Console(highlight=False, soft_wrap=True)
+    prepared = prepare(survey, planner=flags.planner, planner_options=assignments(flags.settings))
+    prepared.make_planner()  # before any work
+    _describe(prepared, console)
+    if flags.check:
+        console.print(f"{flags.mission}: a valid mission")
+        return 0
+    from maipp.surveys.expected_mission import expected_mission
+    from maipp.surveys.routes import route_plan
+
+    with Console(stderr=True).status("planning"), staged_folder(flags.out) as stage:
+        episode = expected_mission(prepared, seed=flags.seed)
+        plan = route_plan(prepared, episode)
+        written = _write_files(prepared, episode, plan, stage)
+    console.print(_robots_table(prepared, episode))
+    for name in written:
+        console.print(f"wrote {flags.out / name}", markup=False)
+    return 0
+
+
+def _write_files(prepared: "PreparedSurvey", episode: "Episode", plan: "RoutePlan", folder: Path) -> list[str]:
+    """Everything that a planned survey leaves, in the folder; the names of the files."""
+    from maipp.missions import write_mission_files
+    from maipp.simulator.episode_io import write_episode
+    from maipp.surveys.picture import save_picture
+
+    paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)
+    write_episode(episode, folder / "episode.json")
+    save_picture(prepared, episode, folder / "overview.png")
+    # The interactive report (maipp.viz.report) goes here: folder / "report.html".
+    return [*(path.name for path in paths), "episode.json", "overview.png"]
+
+
+def _describe(prepared: "PreparedSurvey", console: Console) -> None:
+    """Print what is planned in the user's terms, and the warnings."""
+    survey, frame, scenario = prepared.survey, prepared.frame, prepared.scenario
+    width, height = frame.size
+    unit = f" {survey.unit}" if survey.unit else ""
+    scale = scenario.length_scale * frame.metres_per_unit
+    fitted = f", fitted to {prepared.fit.samples} samples" if prepared.fit is not None else ""
+    noise = float(frame.to_user_std(scenario.noise**0.5))
+    table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
+    table.add_row("survey", f"{survey.name}, {len(prepared.names)} robots, {prepared.planner}")
+    table.add_row("area", f"{_square(prepared.region.area)} of {_length(width)} x {_length(height)}")
+    table.add_row("prior", f"mean {frame.mean:.4g}, std {frame.std:.4g}{unit}, length scale {_length(scale)}{fitted}")
+    table.add_row("noise", f"std {noise:.3g}{unit} of a measurement")
+    if survey.threshold is not None:
+        table.add_row("of interest", f"{'below' if survey.below else 'above'} {survey.threshold:g}{unit}")
+    console.print(table)
+    for warning in prepared.warnings:
+        console.print(f"warning: {warning}", markup=False)
+
+
+def _robots_table(prepared: "PreparedSurvey", episode: "Episode") -> Table:
+    """What each robot travels, how long, how often it measures, and where it ends."""
+    from maipp.surveys.routes import minutes
+
+    frame = prepared.frame
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("robot")
+    for heading in ("length m", "of budget", "minutes", "measurements"):
+        table.add_column(heading, justify="right")
+    table.add_column("ends at")
+    for name, agent in zip(prepared.names, episode.agents, strict=True):
+        x, y = frame.to_user(agent.route[-1]).tolist()
+        end = f"{x:.5f}, {y:.5f}" if frame.geographic else f"{x:.1f}, {y:.1f}"
+        length = agent.distance * frame.metres_per_unit
+        share = f"{agent.distance / agent.budget:.0%}"
+        count = str(len(agent.measurement_y))
+        table.add_row(name, f"{length:.0f}", share, f"{minutes(prepared, agent):.1f}", count, end)
+    return table
+
+
+def _square(area: float) -> str:
+    return f"{area:.0f} m2" if area < 1e6 else f"{area / 1e6:.4g} km2"
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.4g} m" if metres < 10_000 else f"{metres / 1000:.4g} km"
+
+
+def _rehearse(flags: Survey, survey: "MissionFile") -> int:
+    import dataclasses
+
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from maipp.surveys.rehearsal import rehearse
+    from maipp.surveys.rehearsal_report import summary_table, words, write_report
+
+    rehearsal = survey.rehearsal
+    if flags.fields is not None:
+        if not 1 <= flags.fields <= 10_000:
+            raise InputError(f"--fields: {flags.fields} is not a number of fields from 1 to 10000")
+        rehearsal = dataclasses.replace(rehearsal, fields=flags.fields)
+    if flags.raster is not None:
+        rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None)
+    notes = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with staged_folder(flags.out) as stage:
+        with Progress(*columns, console=notes, disable=not notes.is_terminal, transient=True) as bar:
+            task = bar.add_task("")
+            result = rehearse(
+                survey,
+                planners=flags.planners,
+                robots=_sizes(flags.robots),
+                rehearsal=rehearsal,
+                seed=flags.seed,
+                progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
+            )
+        names = write_report(result, stage)
+    console = Console(highlight=False, soft_wrap=True)
+    for warning in result.warnings:
+        console.print(f"warning: {warning}", markup=False)
+    console.print(summary_table(result))
+    for sentence in words(result):
+        console.print(sentence, markup=False)
+    for name in names:
+        console.print(f"wrote {flags.out / name}", markup=False)
+    return 0
+
+
+def _sizes(text: str | None) -> tuple[int, ...]:
+    """The sizes of teams that `1..4`, `2` or `1,3` spells; empty where nothing is given."""
+    if text is None:
+        return ()
+    first, dots, last = text.partition("..")
+    try:
+        sizes = tuple(range(int(first), int(last) + 1)) if dots else tuple(int(each) for each in text.split(","))
+    except ValueError:
+        sizes = ()
+    if not sizes or min(sizes) < 1 or max(sizes) > 100:
+        raise InputError(f"--robots: {text!r} is no size of a team; give 1..4, 2 or 1,3 (100 at most)")
+    return sizes

@@ -1,0 +1,78 @@
+"""The mission files of a plan, written together or not at all."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from maipp.errors import InputError
+from maipp.files import staged_folder, write_atomic
+from maipp.missions.file_names import file_stems
+from maipp.missions.geojson import geojson_file
+from maipp.missions.gpx import gpx_file
+from maipp.missions.metres_json import metres_json_file
+from maipp.missions.qgc_plan import plan_file
+from maipp.missions.route_plan import RoutePlan
+from maipp.missions.vehicle import Vehicle
+from maipp.missions.waypoints_csv import waypoints_csv_file
+
+FORMATS = ("plan", "gpx", "geojson", "csv")
+
+_NEEDS_WGS84 = {
+    "plan": "an autopilot needs longitudes and latitudes",
+    "gpx": "GPX is in longitudes and latitudes",
+    "geojson": "GeoJSON is in longitudes and latitudes (RFC 7946); routes-in-metres.json holds the same in metres",
+}
+
+
+def left_out(plan: RoutePlan, formats: Sequence[str] = FORMATS) -> dict[str, str]:
+    """Of these formats the ones that `write_mission_files` leaves out for this plan, each with the reason.
+
+    Empty for a geographic plan. Raises `InputError` for a format that does not exist.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(f"mission format {name!r} is not known; give {', '.join(FORMATS)}")
+    return {} if plan.geographic else {name: _NEEDS_WGS84[name] for name in formats if name in _NEEDS_WGS84}
+
+
+def write_mission_files(
+    plan: RoutePlan,
+    folder: str | os.PathLike[str],
+    *,
+    formats: Sequence[str] = FORMATS,
+    vehicle: str | Vehicle = "boat",
+    altitude: float | None = None,
+) -> list[Path]:
+    """Write the plan in these formats into the folder, all files or none, and say which were written.
+
+    One `<robot>.plan` a robot, `routes.gpx`, `routes.geojson` and `waypoints.csv`. `vehicle` is its kind ("boat",
+    "rover", "copter"; `altitude` in metres above home) or, for more choices, a `Vehicle`. A plan in metres gives
+    `waypoints.csv` and, for "geojson", `routes-in-metres.json`; `left_out` says what is missing, and why.
+    Raises `InputError` for unknown formats and vehicles, if nothing is left to write, and if it cannot be written.
+    """
+    missing = left_out(plan, formats)
+    if isinstance(vehicle, str):
+        vehicle = Vehicle(vehicle, altitude=altitude)
+    elif altitude is not None:
+        raise InputError("altitude is given twice; give it in the Vehicle only")
+    contents: dict[str, str] = {}
+    if "plan" in formats and "plan" not in missing:
+        stems = file_stems([route.name for route in plan.routes])
+        for stem, route in zip(stems, plan.routes, strict=True):
+            contents[f"{stem}.plan"] = plan_file(plan, route, vehicle)
+    if "gpx" in formats and "gpx" not in missing:
+        contents["routes.gpx"] = gpx_file(plan)
+    if "geojson" in formats:
+        if plan.geographic:
+            contents["routes.geojson"] = geojson_file(plan)
+        else:
+            contents["routes-in-metres.json"] = metres_json_file(plan)
+    if "csv" in formats:
+        contents["waypoints.csv"] = waypoints_csv_file(plan)
+    if not contents:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in missing.items()) or f"give {', '.join(FORMATS)}"
+        raise InputError(f"no mission file can be written ({reasons})")
+    with staged_folder(folder) as stage:
+        for name, content in contents.items():
+            write_atomic(stage / name, content)
+    return [Path(folder) / name for name in contents]

@@ -1,0 +1,56 @@
+"""The survey as it is expected to go: the simulated mission on the field that the samples lead to expect."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.simulator import Mission, Planner, draw_missions, run_missions
+from maipp.simulator.episode import Episode
+from maipp.surveys.expected_field import ExpectedField
+from maipp.surveys.standardise import PreparedSurvey
+
+
+def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Episode:
+    """The record of the adaptive mission in which every measurement gives what the samples lead to expect.
+
+    Its routes can be loaded today: they are what the planner would do if nothing surprised it. `seed` replaces the
+    survey's. Raises `InputError` for a planner or option that does not fit.
+    """
+    planner = prepared.make_planner()
+    seed = prepared.survey.seed if seed is None else seed
+    field = ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y)
+    missions = draw(prepared, planner, seed=seed, instances=1, field=field)
+    states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, jax.random.key(seed)))
+    options = {name: _plain(value) for name, value in prepared.planner_options.items()}
+    return Episode.from_state(
+        prepared.scenario, prepared.planner, options, seed, missions, states, mapping=prepared.frame.mapping
+    )
+
+
+def draw(
+    prepared: PreparedSurvey, planner: Planner, *, seed: int, instances: int, trials: int = 1, field: Any = None
+) -> Mission:
+    """Missions of a survey, conditioned on its samples. Raises `InputError` where there is no way to go."""
+    given = {} if prepared.prior is None else {"prior": prepared.prior}
+    try:
+        return draw_missions(
+            prepared.scenario,
+            seed=seed,
+            instances=instances,
+            trials=trials,
+            roadmaps=planner.uses_roadmap,
+            encodings=planner.encoding_dimensions,
+            field=field,
+            **given,
+        )
+    except InputError as error:
+        raise InputError(f"{prepared.survey.where('area')}: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Lists for tuples and arrays, as JSON has them."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,77 @@
+"""The planned survey in one picture: what is expected, and how uncertain it is before and after, with the routes."""
+
+import dataclasses
+import os
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from maipp.files import atomic_path
+from maipp.simulator.episode import Episode
+from maipp.surveys.standardise import PreparedSurvey
+from maipp.viz.maps import colour_bar, draw_field, draw_routes, legend_of, map_size, prepare_map
+from maipp.viz.style import GREY, LARGE, MEDIUM, SMALL, STD_MAP, VALUE_MAP, add_axes, new_figure
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.75, 0.75, 0.85, 0.95  # margins, inches
+_GAP, _BAR_GAP, _BAR, _AFTER_BAR = 0.25, 0.1, 0.14, 1.0
+
+
+def draw_plan(prepared: PreparedSurvey, episode: Episode, dpi: int = 160) -> Figure:
+    """Three maps in the user's coordinates and unit: expected values, uncertainty before the survey and after it."""
+    shown = dataclasses.replace(episode, mapping=prepared.frame.picture_mapping)
+    units = shown.units
+    # Before the first measurement, and after the last.
+    belief = episode.beliefs(np.array([-1.0, np.inf]))
+    mean = units.values(belief.mean[1])
+    before, after = units.std(np.sqrt(np.maximum(belief.variance, 0.0)))
+    width, height = map_size(shown, area=9.0, longest=4.5)
+    lefts = [_LEFT, _LEFT + width + _BAR_GAP + _BAR + _AFTER_BAR]
+    lefts.append(lefts[1] + width + _GAP)
+    total = lefts[2] + width + _BAR_GAP + _BAR + _RIGHT
+    figure = new_figure(total, _BOTTOM + height + _TOP, dpi)
+    inside = episode.inside
+    low, high = float(mean[inside].min()), float(mean[inside].max())
+    flat = max(prepared.frame.std, 1e-9) * (high - low < 1e-6 * prepared.frame.std)
+    most = float(before[inside].max())
+    rows = (
+        (f"Expected {prepared.survey.quantity or 'values'}", mean, VALUE_MAP, (low - flat, high + flat)),
+        ("Uncertainty before the survey (std)", before, STD_MAP, (0.0, most)),
+        ("Uncertainty after it (std)", after, STD_MAP, (0.0, most)),
+    )
+    for index, (title, values, colours, limits) in enumerate(rows):
+        axes = add_axes(figure, lefts[index], _BOTTOM, width, height)
+        image = draw_field(axes, shown, values, colours, limits)
+        prepare_map(axes, shown, title, y_label=index == 0)
+        if index != 1:
+            draw_routes(axes, shown)
+        if index != 1:
+            bar = add_axes(figure, lefts[index] + width + _BAR_GAP, _BOTTOM, _BAR, height)
+            mark = prepared.survey.threshold if index == 0 else None
+            colour_bar(figure, bar, image, units.value if index == 0 else f"std of {units.value}", mark)
+    left, inch = _LEFT / total, 1 / figure.get_size_inches()[1]
+    count = sum(len(agent.measurement_y) for agent in episode.agents)
+    figure.text(left, 1 - 0.18 * inch, prepared.survey.name, fontsize=LARGE, weight="bold", va="top")
+    team = f"{len(prepared.names)} robot{'s' if len(prepared.names) > 1 else ''}"
+    line = f"{episode.planner}, {team}, {count} measurements, as expected: measured values will change the routes"
+    figure.text(left, 1 - 0.42 * inch, line, fontsize=MEDIUM, color=GREY, va="top")
+    entries = legend_of(shown)
+    for entry, name in zip(entries, prepared.names, strict=False):
+        entry.set_label(name)
+    figure.legend(
+        handles=entries,
+        loc="lower left",
+        bbox_to_anchor=(left, 0.1 * inch),
+        ncols=min(len(entries), 8),
+        fontsize=SMALL,
+        frameon=False,
+        borderaxespad=0.0,
+        columnspacing=1.4,
+        handlelength=1.6,
+    )
+    return figure
+
+
+def save_picture(prepared: PreparedSurvey, episode: Episode, path: str | os.PathLike[str]) -> None:
+    """Draw the planned survey into a picture file. Raises `InputError` where it cannot be written."""
+    with atomic_path(path) as temporary:
+        draw_plan(prepared, episode).savefig(temporary)

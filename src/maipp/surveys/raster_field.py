@@ -1,0 +1,49 @@
+"""A gridded map in the user's coordinates and unit, as a ground truth in the survey's domain."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import shapely
+from scipy.interpolate import RegularGridInterpolator
+
+from maipp.errors import InputError
+from maipp.fields.raster import Raster, load_raster
+from maipp.surveys.geojson import check_degrees
+from maipp.surveys.standardise import PreparedSurvey
+
+_POINTS = 256  # along the longest side of the domain; finer maps are read at these points
+_LEAST_COVERED = 0.95  # share of the free area that the map must cover
+
+
+def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None) -> Raster:
+    """The map resampled to the domain, its values standardised; beyond the map's edge its border values go on.
+
+    Raises `InputError` for a map that cannot be read, or that does not cover the area.
+    """
+    data, frame = load_raster(path, value=value), prepared.frame
+    width, height = frame.extent
+    x = np.linspace(0.0, width, max(int(_POINTS * width), 2))
+    y = np.linspace(0.0, height, max(int(_POINTS * height), 2))
+    domain = np.stack(np.meshgrid(x, y), axis=-1)
+    user = frame.to_user(domain)
+    if frame.geographic:
+        check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), str(path))
+        middle = (data.x[0] + data.x[-1]) / 2
+        user[..., 0] += 360.0 * np.round((middle - user[..., 0]) / 360.0)
+    low, high = np.array([data.x[0], data.y[0]]), np.array([data.x[-1], data.y[-1]])
+    # Half a cell beyond: values of a map stand for their cells.
+    half = (high - low) / (np.array([len(data.x), len(data.y)]) - 1) / 2
+    covered = ((user >= low - half) & (user <= high + half)).all(axis=-1)
+    metres = domain * frame.metres_per_unit + frame.origin
+    inside = shapely.intersects_xy(prepared.region, metres[..., 0], metres[..., 1])
+    share = float(covered[inside].mean()) if inside.any() else float(covered.mean())
+    if share < _LEAST_COVERED:
+        raise InputError(
+            f"{path}: covers {share:.0%} of the area (x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to "
+            f"{high[1]:.6g}); give a raster of all of it"
+        )
+    read = RegularGridInterpolator((data.y, data.x), data.values)
+    at = np.clip(user, low, high)
+    values = frame.to_domain_values(read(at[..., ::-1]))
+    return Raster(jnp.asarray(values), jnp.asarray(x), jnp.asarray(y), frame.mapping)

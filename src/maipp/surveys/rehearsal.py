@@ -1,0 +1,188 @@
+"""What a team can expect of a survey: the mission simulated on many possible fields, or on a map of the user's."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from maipp.belief import Matern32, rmse
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, State, run_missions
+from maipp.simulator.metrics import interest_of, pooled_belief
+from maipp.surveys.expected_mission import draw
+from maipp.surveys.raster_field import raster_field
+from maipp.surveys.standardise import PreparedSurvey, prepare
+from maipp.surveys.survey import Rehearsal, Robot, Survey
+from maipp.typing import Array, Float
+
+# Mixed into the seed, so that the drawn fields share no key with the starts and the planners.
+_FIELD_STREAM, _PLANNER_STREAM = 0x5F1E1D, 0xFFFFFFFF
+
+
+class Outcome(eqx.Module):
+    """How finished missions went; every array has the missions' axis. Standardised values, domain units."""
+
+    trace: Float[Array, "*b"]  # Tr(P) over the predicted high-interest area
+    trace_before: Float[Array, "*b"]  # the same by the old samples alone
+    rmse: Float[Array, "*b"]  # error of the predicted mean over the area
+    rmse_before: Float[Array, "*b"]
+    found: Float[Array, "*b"]  # share of the true high-interest area whose predicted mean reaches the threshold
+    found_before: Float[Array, "*b"]  # NaN where the field has no high-interest area
+    distance: Float[Array, "*b"]  # travelled by the team
+    longest: Float[Array, "*b"]  # time until the last robot stopped
+
+
+@dataclass(frozen=True, eq=False)
+class RehearsedTeam:
+    """The rehearsals of one planner with one size of team, one value per field; lengths metres, errors in the unit."""
+
+    planner: str
+    robots: int
+    trace: Float[np.ndarray, " f"]
+    trace_before: Float[np.ndarray, " f"]
+    rmse: Float[np.ndarray, " f"]
+    rmse_before: Float[np.ndarray, " f"]
+    found: Float[np.ndarray, " f"]  # 0 to 1; NaN where nothing is of high interest
+    found_before: Float[np.ndarray, " f"]
+    distance: Float[np.ndarray, " f"]  # of the team
+    minutes: Float[np.ndarray, " f"]  # until the last robot stopped
+
+    @property
+    def trace_share(self) -> Float[np.ndarray, " f"]:
+        """Tr(P) as a share of what it was before the survey."""
+        return self.trace / np.maximum(self.trace_before, 1e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class RehearsalResult:
+    """All rehearsed teams, planners in the order given, teams from the smallest."""
+
+    survey: Survey
+    teams: tuple[RehearsedTeam, ...]
+    fields: int
+    on: str  # "drawn fields" or the raster's path
+    warnings: tuple[str, ...]
+
+
+def with_robots(survey: Survey, count: int) -> Survey:
+    """The survey with the first `count` robots; beyond those that it has, the last one is copied."""
+    robots = list(survey.robots[:count])
+    while len(robots) < count:
+        name, taken = f"robot-{len(robots) + 1}", [robot.name for robot in robots]
+        while name in taken:
+            name += "-more"
+        robots.append(Robot(name, *(getattr(robots[-1], key) for key in ("start", "budget_m", "speed", "where"))))
+    return dataclasses.replace(survey, robots=tuple(robots))
+
+
+def rehearse(
+    survey: Survey,
+    *,
+    planners: Sequence[str] = (),
+    robots: Sequence[int] = (),
+    rehearsal: Rehearsal | None = None,
+    seed: int | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> RehearsalResult:
+    """The mission simulated for every planner and size of team on the same fields.
+
+    Left out, `planners` is the survey's and `robots` all from one to its own. Drawn fields are the same for all, so
+    results can be paired. On a raster the rehearsals differ in the planner's randomness only. `progress` is called with
+    what is run, the number of runs done and of all. Raises `InputError` for what makes a run impossible.
+    """
+    rehearsal = rehearsal or survey.rehearsal
+    seed = survey.seed if seed is None else seed
+    planners = tuple(dict.fromkeys(planners or (survey.planner,)))
+    counts = tuple(sorted(set(robots or range(1, len(survey.robots) + 1))))
+    ready = [(name, count, prepare(with_robots(survey, count), planner=name)) for name in planners for count in counts]
+    built = [prepared.make_planner() for _, _, prepared in ready]  # before any work
+    first = ready[0][2]
+    field = None if rehearsal.raster is None else raster_field(first, rehearsal.raster, rehearsal.value)
+    fields = _drawn(first, rehearsal.fields, seed) if field is None else None
+    key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
+    teams = []
+    for index, ((name, count, prepared), planner) in enumerate(zip(ready, built, strict=True)):
+        if progress is not None:
+            progress(f"{name}, {count} robot{'s' if count > 1 else ''}", index, len(ready))
+        if fields is None:
+            missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=field)
+        else:
+            missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
+        states = run_missions(prepared.scenario, planner, missions, key)
+        teams.append(_in_units(prepared, name, count, jax.device_get(outcomes(prepared.scenario, missions, states))))
+    if progress is not None:
+        progress("done", len(ready), len(ready))
+    on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
+    return RehearsalResult(survey, tuple(teams), rehearsal.fields, on, first.warnings)
+
+
+def _on_fields(missions: Mission, fields: Any) -> Mission:
+    """The missions, mission i on field i."""
+    truth = jax.jit(jax.vmap(lambda field, grid: field(grid)))(fields, missions.grid)
+    return dataclasses.replace(missions, field=fields, truth=truth)
+
+
+def _drawn(prepared: PreparedSurvey, count: int, seed: int) -> Any:
+    """`count` fields as likely as the prior and the samples have it, one pytree with a leading axis."""
+    from maipp.fields.gp_field import draw_fields
+
+    scenario = prepared.scenario
+    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    key = jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM)
+    x, y = prepared.prior or (None, None)
+    fields = draw_fields(key, kernel, count, x=x, y=y, noise=scenario.noise)
+    if x is not None:
+        return fields
+    # One sample without weight: batches take no arrays without elements.
+    real = fields.phase.dtype
+    room = jnp.zeros((count, 1, 2), real), jnp.zeros((count, 1), real)
+    return eqx.tree_at(lambda field: (field.samples, field.weights), fields, room)
+
+
+@eqx.filter_jit
+def outcomes(scenario: Scenario, missions: Mission, states: State) -> Outcome:
+    """The outcomes of finished missions, one after the other to keep the memory of one."""
+    return lax.map(lambda pair: _outcome(scenario, *pair), (missions, states))
+
+
+def _outcome(scenario: Scenario, mission: Mission, state: State) -> Outcome:
+    interest = interest_of(scenario)
+    high = (mission.truth >= scenario.threshold) & mission.inside
+
+    def measures(time: float) -> tuple[Array, Array, Array]:
+        belief = pooled_belief(scenario, mission, state, time)
+        found = jnp.sum(high & (belief.mean >= scenario.threshold)) / jnp.sum(high)  # NaN where there is none
+        trace = interest.trace(belief.mean, belief.variance, mission.inside)
+        return trace, rmse(belief.mean, mission.truth, mission.inside), found
+
+    before, after = measures(-1.0), measures(jnp.inf)
+    reached = jnp.where(jnp.isfinite(state.route_time), state.route_time, 0.0)
+    return Outcome(
+        trace=after[0],
+        trace_before=before[0],
+        rmse=after[1],
+        rmse_before=before[1],
+        found=after[2],
+        found_before=before[2],
+        distance=jnp.sum(state.odometer),
+        longest=jnp.max(reached),
+    )
+
+
+def _in_units(prepared: PreparedSurvey, planner: str, count: int, outcome: Any) -> RehearsedTeam:
+    frame = prepared.frame
+    values = {field.name: np.asarray(getattr(outcome, field.name), np.float64) for field in dataclasses.fields(Outcome)}
+    distance, longest = values.pop("distance"), values.pop("longest")
+    for key in ("rmse", "rmse_before"):
+        values[key] = frame.to_user_std(values[key])
+    if prepared.survey.threshold is None:
+        for key in ("found", "found_before"):
+            values[key] = np.full_like(values[key], np.nan)
+    minutes = longest * prepared.seconds_per_time / 60.0
+    return RehearsedTeam(planner, count, distance=distance * frame.metres_per_unit, minutes=minutes, **values)

@@ -1,0 +1,203 @@
+"""A rehearsal in words, as a table, CSV, Markdown and a figure: what can the team expect, is another robot worth it?"""
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from maipp.files import write_atomic
+from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam
+from maipp.typing import Float
+
+# An improvement below this share is called small, however sure.
+_CLEAR = 0.10
+# Standard errors of the paired differences from which a difference is told as one.
+_SURE = 2.0
+
+
+class Spread(NamedTuple):
+    """One measure over all fields; NaN values (nothing of high interest) left out."""
+
+    mean: float
+    std: float
+    low: float  # 10th percentile
+    high: float  # 90th
+
+
+def spread(values: Float[np.ndarray, " f"]) -> Spread:
+    """Mean, standard deviation and the range of the middle 80 %; NaN throughout where no value counts."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return Spread(*[math.nan] * 4)
+    std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    low, high = np.percentile(values, [10, 90])
+    return Spread(float(values.mean()), std, float(low), float(high))
+
+
+_COLUMNS = ("planner", "robots", "field", "trace", "trace_before", "trace_share", "rmse", "rmse_before")
+_MORE_COLUMNS = ("found", "found_before", "distance_m", "minutes")
+
+
+def to_csv(result: RehearsalResult) -> str:
+    """One row for every planner, team and field; empty cells where a field has nothing of high interest."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*_COLUMNS, *_MORE_COLUMNS))
+    for team in result.teams:
+        columns = [team.trace, team.trace_before, team.trace_share, team.rmse, team.rmse_before]
+        columns += [team.found, team.found_before, team.distance, team.minutes]
+        for index, numbers in enumerate(zip(*columns, strict=True)):
+            cells = [f"{number:.6g}" if math.isfinite(number) else "" for number in numbers]
+            writer.writerow([team.planner, team.robots, index, *cells])
+    return text.getvalue()
+
+
+def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
+    """The cells of the table, its heading first: means, standard deviations, 10-90 % ranges."""
+    unit = f" ({result.survey.unit})" if result.survey.unit else ""
+    table = [("planner", "robots", "Tr(P)", "of initial", f"RMSE{unit}", "found", "minutes")]
+    for team in result.teams:
+        table.append(
+            (
+                team.planner,
+                str(team.robots),
+                _cell(spread(team.trace)),
+                _cell(spread(team.trace_share), percent=True),
+                _cell(spread(team.rmse)),
+                _cell(spread(team.found), percent=True),
+                f"{spread(team.minutes).mean:.0f}",
+            )
+        )
+    return table
+
+
+def summary_table(result: RehearsalResult) -> Table:
+    """The table for a terminal."""
+    heading, *lines = rows(result)
+    caption = "mean \u00b1 standard deviation over fields (10 % to 90 %)"
+    table = Table(title=_title(result), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for index, name in enumerate(heading):
+        table.add_column(name, justify="left" if index == 0 else "right")
+    for line in lines:
+        table.add_row(*line)
+    return table
+
+
+def words(result: RehearsalResult) -> list[str]:
+    """What the rehearsal says, in sentences: the best planner, and what each further robot adds."""
+    planners = list(dict.fromkeys(team.planner for team in result.teams))
+    largest = max(team.robots for team in result.teams)
+    best = min(planners, key=lambda name: _loss(_team(result, name, largest)))
+    sentences = []
+    if len(planners) > 1:
+        sentences.append(_best_planner(result, planners, best, largest))
+    teams = [team for team in result.teams if team.planner == best]
+    first = teams[0]
+    before, after = spread(first.rmse_before).mean, spread(first.rmse).mean
+    unit = f" {result.survey.unit}" if result.survey.unit else ""
+    sentences.append(
+        f"{_robots(first.robots)} with {best}: the error falls from {before:.3g} to {after:.3g}{unit} (RMSE)"
+        + _found(first.found_before, first.found)
+        + "."
+    )
+    sentences += [_worth(less, more, unit) for less, more in zip(teams, teams[1:], strict=False)]
+    return sentences
+
+
+def _worth(less: RehearsedTeam, more: RehearsedTeam, unit: str) -> str:
+    """Whether the larger of two teams is worth it, judged by the error of the map and by the uncertainty left."""
+    gains = [_gain(less.rmse, more.rmse), _gain(less.trace, more.trace)]
+    gain = max(gains, key=lambda each: each[0] / max(each[1], 1e-12))
+    if gain[0] <= _SURE * gain[1]:
+        verdict = "no gain that these rehearsals show"
+    else:
+        verdict = "a clear gain" if max(each[0] for each in gains) >= _CLEAR else "a small gain"
+    (error, error_se), (left, left_se) = gains
+    return (
+        f"{_robots(more.robots)} instead of {less.robots}: {verdict}. The error changes by {-error:+.0%} "
+        f"(\u00b1 {error_se:.0%}) to {spread(more.rmse).mean:.3g}{unit}, the uncertainty left by {-left:+.0%} "
+        f"(\u00b1 {left_se:.0%}){_found(less.found, more.found)}."
+    )
+
+
+def _gain(less: Float[np.ndarray, " f"], more: Float[np.ndarray, " f"]) -> tuple[float, float]:
+    """By what share of its mean a measure falls, and the standard error of that; fields are paired."""
+    base = max(float(less.mean()), 1e-12)
+    difference = (less - more) / base
+    error = float(difference.std(ddof=1) / math.sqrt(len(difference))) if len(difference) > 1 else math.inf
+    return float(difference.mean()), error
+
+
+def _best_planner(result: RehearsalResult, planners: list[str], best: str, robots: int) -> str:
+    winner = _team(result, best, robots)
+    parts = []
+    for name in planners:
+        if name != best:
+            gain, error = _gain(_team(result, name, robots).trace, winner.trace)
+            sure = "" if gain > _SURE * error else ", which these rehearsals do not tell apart"
+            parts.append(f"{gain:.0%} (\u00b1 {error:.0%}) less than {name}{sure}")
+    return f"{best} leaves the least uncertainty with {_robots(robots)}: {'; '.join(parts)}."
+
+
+def _team(result: RehearsalResult, planner: str, robots: int) -> RehearsedTeam:
+    return next(team for team in result.teams if (team.planner, team.robots) == (planner, robots))
+
+
+def _loss(team: RehearsedTeam) -> float:
+    return float(team.trace.mean())
+
+
+def _found(before: Float[np.ndarray, " f"], after: Float[np.ndarray, " f"]) -> str:
+    first, last = spread(before).mean, spread(after).mean
+    return "" if math.isnan(last) else f", and {last:.0%} instead of {first:.0%} of the area of interest is found"
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'s' if count > 1 else ''}"
+
+
+def _cell(values: Spread, *, percent: bool = False) -> str:
+    if math.isnan(values.mean):
+        return "-"
+
+    def number(value: float) -> str:
+        return f"{value:.0%}" if percent else f"{value:.3g}"
+
+    return f"{number(values.mean)} \u00b1 {number(values.std)} ({number(values.low)} to {number(values.high)})"
+
+
+def _title(result: RehearsalResult) -> str:
+    plural = "s" if result.fields > 1 else ""
+    return f"{result.survey.name}: {result.fields} rehearsal{plural} on {result.on}"
+
+
+def markdown(result: RehearsalResult) -> str:
+    """The rehearsal as a page: the sentences, the table, and what its columns mean."""
+    heading, *lines = rows(result)
+    table = ["| " + " | ".join(heading) + " |", "| --- | " + " | ".join(["---:"] * (len(heading) - 1)) + " |"]
+    table += ["| " + " | ".join(line) + " |" for line in lines]
+    sentences = "\n".join(f"- {sentence}" for sentence in words(result))
+    warned = "\n".join(f"- {warning}" for warning in result.warnings)
+    return (
+        f"# {_title(result)}\n\n{sentences}\n\n" + "\n".join(table) + "\n\n"
+        "Each cell: mean \u00b1 standard deviation over the rehearsals (10 % to 90 % of them). Tr(P) is the sum of the "
+        "posterior variances over the area where high values cannot be ruled out yet, in units of the prior variance; "
+        "`of initial` its share of what it was before the survey. RMSE is the error of the predicted map. `found` is "
+        "the share of the true area of interest where the predicted value reaches the threshold.\n"
+        + (f"\nWarnings:\n\n{warned}\n" if warned else "")
+    )
+
+
+def write_report(result: RehearsalResult, folder: Path) -> list[str]:
+    """Write rehearsal.csv, rehearsal.md and rehearsal.png to the folder; gives their names."""
+    from maipp.surveys.rehearsal_figure import save_figure
+
+    write_atomic(folder / "rehearsal.csv", to_csv(result))
+    write_atomic(folder / "rehearsal.md", markdown(result))
+    save_figure(result, folder / "rehearsal.png")
+    return ["rehearsal.csv", "rehearsal.md", "rehearsal.png"]
