@@ -27,8 +27,8 @@ def test_neither_order_nor_copies_matter(samples, data):
 def test_prior_samples_come_first_then_time_decides():
     late, early = Sample(2.0, 0, 0.1, 0.2, 0.3), Sample(1.0, 1, 0.4, 0.5, 0.6)
     x, y, mask = taken_in([late, early], prior=1).slots()
-    np.testing.assert_array_equal(y[:3], np.float32([2.0, 0.6, 0.3]))
-    np.testing.assert_array_equal(x[:3], np.float32([[0.25, 0.25], [0.4, 0.5], [0.1, 0.2]]))
+    np.testing.assert_array_equal(y[:3], np.array([2.0, 0.6, 0.3], np.float32))
+    np.testing.assert_array_equal(x[:3], np.array([[0.25, 0.25], [0.4, 0.5], [0.1, 0.2]], np.float32))
     assert mask.tolist() == [True] * 3 + [False] * 5
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from maipp.cli.options import PlannerFlags
+from maipp.cli.options import assignments
 from maipp.errors import InputError
 
 if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
@@ -69,7 +69,7 @@ def _open(flags: Live) -> "LiveSurvey":
     from maipp.surveys.standardise import prepare
     from maipp.surveys.survey_io import load_survey
 
-    options = PlannerFlags(settings=flags.settings).planner_options()
+    options = assignments(flags.settings)
     if _is_mission(flags.mission):
         prepared = prepare(load_survey(flags.mission), planner=flags.planner, planner_options=options)
         for warning in prepared.warnings:

@@ -7,9 +7,10 @@ import jax
 import numpy as np
 
 from maipp.live.decide import Situation, decide
+from maipp.live.detour import keep_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
-from maipp.live.robots import GONE, Robot, along
+from maipp.live.robots import GONE, Robot, along, cut
 from maipp.live.world import World
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
@@ -75,8 +76,14 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     outcome = jax.device_get(decide(arrival.world, arrival.situation))
     if not outcome.go or not np.isfinite(outcome.leg).all():
         return Made("planner", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
-    leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
-    length, interval = float(outcome.length), arrival.world.scenario.measurement_interval
+    scenario, roadmap = arrival.world.scenario, arrival.world.roadmap
+    nodes = None if roadmap is None else np.asarray(roadmap.nodes, np.float64)[arrival.robots.index(robot)]
+    planned_leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
+    leg = keep_out(scenario, planned_leg, nodes)
+    if leg is None:
+        return Made("no-go", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
+    leg = cut(leg, robot.budget - arrival.odometer)
+    length, interval = float(np.hypot(*np.diff(leg, axis=0).T).sum()), scenario.measurement_interval
     places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
     measure = np.array([along(leg, float(place)) for place in places]).reshape(-1, 2)
     planned = arrival.odometer + float(places[-1]) if len(places) else robot.planned

@@ -130,6 +130,14 @@ def along(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarr
     return polyline[-1]
 
 
+def cut(polyline: Float[np.ndarray, "v 2"], length: float) -> Float[np.ndarray, "w 2"]:
+    """The polyline as far as it is not longer than `length`."""
+    marks = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
+    if marks[-1] <= length:
+        return polyline
+    return np.concatenate([polyline[marks < length], along(polyline, length)[None]])
+
+
 def _followed(leg: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"]) -> float:
     """Length of the way along a leg to its point nearest to a position, and on to the position."""
     best, length = float(np.hypot(*(position - leg[0]))), 0.0

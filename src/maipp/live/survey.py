@@ -2,16 +2,14 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import jax
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.live import robots as robot_status
+from maipp.live import queries
 from maipp.live.arrival import Arrival, decide_arrival
-from maipp.live.believe import believe
 from maipp.live.decide import decide
 from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement, fingerprint, read_event, write_event
 from maipp.live.journal import Journal
@@ -20,15 +18,12 @@ from maipp.live.messages import describe, pack, unpack
 from maipp.live.request import PROTOCOL, Fields
 from maipp.live.robots import Robot
 from maipp.live.units import Units
-from maipp.live.world import Setup, World, world_of
+from maipp.live.world import Setup, World, draw_world, make_setup
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, draw_missions
+from maipp.simulator import Planner
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
-
-# Measurements there is room for at first, over those that budgets and interval allow.
-_RESERVE = 1.25
 
 # Most points of one question for the belief.
 _MOST_POINTS = 10_000
@@ -90,8 +85,8 @@ class LiveSurvey:
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
         names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
-        setup = _setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
-        return cls(_draw(built, seed), setup, journal)
+        setup = make_setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
+        return cls(draw_world(built, seed), setup, journal)
 
     @classmethod
     def from_prepared(
@@ -110,8 +105,8 @@ class LiveSurvey:
         units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
-        setup = _setup(built, name, options, seed, prepared.names, units, prepared.prior)
-        return cls(_draw(built, seed), setup, journal)
+        setup = make_setup(built, name, options, seed, prepared.names, units, prepared.prior)
+        return cls(draw_world(built, seed), setup, journal)
 
     # What a caller asks and reports.
 
@@ -143,69 +138,18 @@ class LiveSurvey:
 
     def hello(self) -> dict[str, Any]:
         """Who answers here: protocol, planner, robots and units."""
-        units, scenario = self.setup.units, self.world.scenario
-        starts = units.points_out(np.asarray(self.world.start))
-        return {
-            "answer": "hello",
-            "protocol": PROTOCOL,
-            "maipp": _version(),
-            "planner": self.setup.planner,
-            "units": units.names,
-            "epoch": units.epoch,
-            "measurement_interval": units.length_out(scenario.measurement_interval),
-            "robots": [
-                {
-                    "name": robot.name,
-                    "start": start,
-                    "budget": units.length_out(robot.budget),
-                    "speed": units.speed_out(robot.speed),
-                }
-                for robot, start in zip(self._robots, starts, strict=True)
-            ],
-            "events": len(self._answers),
-        }
+        return queries.hello(self.world, self.setup, self._robots, len(self._answers))
 
     def state(self) -> dict[str, Any]:
         """What is known of the robots, and how much has been reported."""
-        units = self.setup.units
-        rows = []
-        for robot in self._robots:
-            position = units.points_out(robot.leg[:1])[0]
-            going = robot.status == robot_status.TRAVELLING
-            rows.append(
-                {
-                    "name": robot.name,
-                    "status": robot.status,
-                    "time": units.time_out(robot.time),
-                    "position": position,
-                    "travelled": units.length_out(robot.odometer),
-                    "budget": units.length_out(robot.budget),
-                    "waypoints": units.points_out(robot.leg[1:]) if going else [],
-                    "message": describe(robot.message, units),
-                }
-            )
-        return {
-            "answer": "state",
-            "events": len(self._answers),
-            "measurements": len(self._measurements),
-            "robots": rows,
-        }
+        return queries.state(self.setup, self._robots, len(self._answers), len(self._measurements))
 
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
 
         Points of the grid that lie in no-go zones have `inside` false.
         """
-        units = self.setup.units
-        if points is None:
-            where = np.asarray(self.world.grid, np.float64)
-        else:
-            where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
-        mean, std = believe(self.world, self._measurements.slots(), where)
-        answer: dict[str, Any] = {"answer": "belief", "measurements": len(self._measurements)}
-        if points is None:
-            answer |= {"points": units.points_out(np.asarray(self.world.grid)), "inside": self.world.inside.tolist()}
-        return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
+        return queries.belief(self.world, self.setup, self._measurements, points)
 
     def warm_up(self) -> None:
         """Compile all that answers need, so that none has to wait for it."""
@@ -279,7 +223,8 @@ class LiveSurvey:
         odometer = robot.travelled(position, told)
         made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
         units = self.setup.units
-        way = {"travelled": units.length_out(odometer), "remaining": units.length_out(robot.budget - odometer)}
+        left = max(robot.budget - odometer, 0.0)
+        way = {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
         state = {
             "odometer": odometer,
             "planned": made.planned,
@@ -288,7 +233,7 @@ class LiveSurvey:
             "memory": pack(made.memory),
         }
         if made.reason is not None:
-            return {"answer": "stop"} | head | {"reason": made.reason} | way, state
+            return {"answer": "stop"} | head | {"reason": made.reason} | way | {"message": None}, state
         answer = {"answer": "go"} | head | {"waypoints": units.points_out(made.leg[1:])}
         answer |= {"measure": units.points_out(made.measure), "arrival": units.time_out(made.arrival)}
         return answer | way | {"message": describe(made.message, units)}, state
@@ -325,7 +270,7 @@ class LiveSurvey:
         setup = self.setup
         return {
             "journal": PROTOCOL,
-            "maipp": _version(),
+            "maipp": queries.maipp_version(),
             "planner": setup.planner,
             "seed": setup.seed,
             "robots": list(setup.robots),
@@ -353,39 +298,3 @@ class LiveSurvey:
             inner = self._inside(event)
             self._apply(event, inner, fingerprint(event), record["answer"], record.get("state"))
         self._journal.records.clear()
-
-
-def _draw(planner: Planner, seed: int) -> World:
-    """The world that the seed draws: starts where the scenario gives none, roadmaps."""
-    drawn = draw_missions(
-        planner.scenario,
-        seed=seed,
-        instances=1,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
-    )
-    mission: Mission = jax.tree.map(lambda a: a[0], drawn)
-    return world_of(planner, mission, seed)
-
-
-def _setup(
-    planner: Planner,
-    name: str,
-    options: Mapping[str, object] | None,
-    seed: int,
-    robots: tuple[str, ...],
-    units: Units,
-    prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None,
-) -> Setup:
-    if len(set(robots)) != len(robots) or len(robots) != planner.scenario.agents:
-        raise InputError(f"robots: {len(set(robots))} different names; give {planner.scenario.agents}, one per agent")
-    prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
-    room = int(_RESERVE * planner.scenario.measurements) + len(prior_y)
-    return Setup(name, dict(options or {}), seed, robots, room, units, prior_x, prior_y)
-
-
-def _version() -> str:
-    try:
-        return version("maipp")
-    except PackageNotFoundError:  # run from a source tree
-        return "unknown"

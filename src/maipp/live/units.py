@@ -84,11 +84,11 @@ class Units:
 
     def values_out(self, values: Float[np.ndarray, " n"]) -> list[float]:
         """The caller's values of standardised ones."""
-        return [_short(value) for value in values] if self.frame is None else self.frame.to_user_values(values).tolist()
+        return [_short(v) for v in (values if self.frame is None else self.frame.to_user_values(values))]
 
     def std_out(self, std: Float[np.ndarray, " n"]) -> list[float]:
         """Standard deviations in the caller's unit."""
-        return [_short(value) for value in std] if self.frame is None else self.frame.to_user_std(std).tolist()
+        return [_short(v) for v in (std if self.frame is None else self.frame.to_user_std(std))]
 
     def length_out(self, length: float) -> float:
         """The caller's length of a domain length."""

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -10,11 +11,15 @@ import jax
 import numpy as np
 
 from maipp.belief import Matern32
+from maipp.errors import InputError
 from maipp.live.units import Units
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner
+from maipp.simulator import Mission, Planner, draw_missions
 from maipp.typing import Array, Bool, Float, Key
+
+# Measurements there is room for at first, over those that budgets and interval allow.
+_RESERVE = 1.25
 
 
 class World(eqx.Module):
@@ -35,8 +40,16 @@ class World(eqx.Module):
         return self.planner.kernel
 
 
-def world_of(planner: Planner, mission: Mission, seed: int) -> World:
-    """The world of an unbatched mission; its field is not looked at."""
+def draw_world(planner: Planner, seed: int) -> World:
+    """The world that the seed draws: starts where the scenario gives none, roadmaps, and the key of what is random."""
+    drawn = draw_missions(
+        planner.scenario,
+        seed=seed,
+        instances=1,
+        roadmaps=planner.uses_roadmap,
+        encodings=planner.encoding_dimensions,
+    )
+    mission: Mission = jax.tree.map(lambda a: a[0], drawn)
     return World(
         scenario=planner.scenario,
         planner=planner,
@@ -80,3 +93,20 @@ class Setup:
             digest.update(f"{array.shape} {array.dtype}".encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
+
+
+def make_setup(
+    planner: Planner,
+    name: str,
+    options: Mapping[str, object] | None,
+    seed: int,
+    robots: Sequence[str],
+    units: Units,
+    prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None,
+) -> Setup:
+    """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
+    if len(set(robots)) != len(robots) or len(robots) != planner.scenario.agents:
+        raise InputError(f"robots: {len(set(robots))} different names; give {planner.scenario.agents}, one per agent")
+    prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
+    room = int(_RESERVE * planner.scenario.measurements) + len(prior_y)
+    return Setup(name, dict(options or {}), seed, tuple(robots), room, units, prior_x, prior_y)
