@@ -1,6 +1,7 @@
 """A survey under the worst conditions: events twice, in any order, and the process killed again and again.
 
     python tests/live/storm.py --events 10000 --kills 100
+    python tests/live/storm.py --latency receding-horizon ti-star intent-search
 
 First an undisturbed run makes the events: a team that follows what `maipp live` answers. Then all of them, and copies,
 are sent in another order to a second process, which is killed (SIGKILL) at random moments, at start-up too, and whose
@@ -53,6 +54,12 @@ class Service:
         if wait:
             self.ready = json.loads(self.receive())
             assert self.ready["answer"] == "ready", self.ready
+
+    def cpu_seconds(self) -> float:
+        """Processor time it has used, all threads together (Linux)."""
+        assert self.process is not None
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def send(self, line: bytes) -> None:
         """One line, which need not be read yet."""
@@ -274,6 +281,24 @@ def storm(
     }
 
 
+def latency(folder: Path, planner: str) -> dict[str, float]:
+    """How long answers take in a survey of three robots with a budget of 3: medians, and processor time per arrival."""
+    path = folder / "scenario.yaml"
+    path.write_text("agents: 3\nbudget: 3\nstart: [0.5, 0.5]\n", encoding="utf-8")
+    service = Service(path, folder / f"{planner}.journal", planner)
+    service.begin()
+    began = service.cpu_seconds()
+    team = Team(service, np.random.default_rng(0), 1, 10_000)
+    team.run()
+    used = service.cpu_seconds() - began
+    assert service.stop() == 0
+    arrivals = len(team.seconds["arrived"])
+    medians = {f"{kind}, median ms": 1e3 * float(np.median(times)) for kind, times in team.seconds.items()}
+    every = np.concatenate([np.array(times) for times in team.seconds.values()])
+    all_events = {"all, median ms": 1e3 * float(np.median(every)), "arrivals": arrivals}
+    return medians | all_events | {"processor ms per arrival and its measurements": 1e3 * used / arrivals}
+
+
 def main() -> None:
     """Run the storm and print what was seen."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -282,7 +307,13 @@ def main() -> None:
     parser.add_argument("--planner", default="shared-greedy")
     parser.add_argument("--per-leg", type=int, default=12, help="measurements on each leg")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--latency", nargs="+", metavar="PLANNER", help="time the answers of these planners instead")
     flags = parser.parse_args()
+    if flags.latency:
+        with tempfile.TemporaryDirectory() as folder:
+            for planner in flags.latency:
+                print(planner, json.dumps(latency(Path(folder), planner), indent=2))
+        return
     scenario = "agents: 3\nbudget: 60\nnoise: 0.0001\nstart: [0.5, 0.5]\n"
     with tempfile.TemporaryDirectory() as folder:
         began = time.monotonic()

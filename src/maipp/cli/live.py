@@ -1,5 +1,6 @@
 """`maipp live`: a survey under way; robots' reports on standard input, where to go next on standard output."""
 
+import math
 import re
 import sys
 from dataclasses import dataclass
@@ -51,6 +52,8 @@ def run(flags: Live) -> int:
 
     if flags.seed is not None and not 0 <= flags.seed < 2**63:
         raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    if not math.isfinite(flags.epoch):
+        raise InputError(f"--epoch: {flags.epoch} is not a time; give seconds, such as the start's Unix time")
     with _open(flags) as survey:
         survey.warm_up()
         _write(encode(survey.hello() | {"answer": "ready", "cut": survey.cut}))
