@@ -258,3 +258,23 @@ def test_points_in_no_go_zones_are_told(scenario):
 def test_wrong_teams_are_told(make):
     with pytest.raises(InputError, match="robots: 1 different names; give 2"):
         make(robots=["a", "a"])
+
+
+@pytest.mark.slow  # compiles a policy
+def test_a_policy_s_memory_and_intents_outlive_the_process(scenario, team, tmp_path):
+    def opened(name):
+        options = {"weights": "untrained", "paths": 4, "steps": 2}
+        return LiveSurvey.from_scenario(scenario, "ti-star", options, journal=tmp_path / name)
+
+    with opened("whole") as survey:
+        start = [0.5, 0.5]
+        told = team(survey.handle, {"robot1": start, "robot2": start})
+        answers = [survey.handle(event) for event in told]
+    going = [answer for answer in answers if answer["answer"] == "go"]
+    assert all(len(a["message"]["mean"]) == 2 and len(a["message"]["covariance"]) == 3 for a in going)
+    lines = (tmp_path / "whole").read_bytes().splitlines(keepends=True)
+    for kept in (2, len(lines) // 2):
+        (tmp_path / "cut").write_bytes(b"".join(lines[: kept + 1]))
+        with opened("cut") as survey:
+            assert text([survey.handle(event) for event in told]) == text(answers)
+        assert (tmp_path / "cut").read_bytes() == b"".join(lines)
