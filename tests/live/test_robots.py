@@ -108,7 +108,10 @@ def test_statuses():
     assert one.status == TRAVELLING and one.message == "plan"
     one.leave(1.2, None)
     assert one.status == GONE and one.message is None
-    np.testing.assert_allclose(one.where(5.0), [0.1, 0.0])
+    one.announce(1.1, np.array([0.9, 0.9]), "older")
+    assert one.status == GONE and one.message is None
+    one.announce(1.3, np.array([0.2, 0.1]), "newer")
+    assert one.message == "newer" and one.odometer == pytest.approx(0.7)
 
 
 @given(order=st.permutations([(3.0, "b", 9.0), (1.0, "a", 1.0), (3.0, "c", 5.0)]))

@@ -169,6 +169,9 @@ def test_a_robot_that_is_gone_claims_nothing_until_it_is_back(make):
         assert row(survey, 1) | {"status": "gone", "message": None, "waypoints": []} == row(survey, 1)
         # The other robot decides as if nobody else were there.
         assert text(survey.handle(arrived("b", time=0.1))) == text(alone.handle(arrived("b", time=0.1)))
+        late = survey.handle(arrived("d", robot="robot2", time=0.02))
+        assert (late["answer"], late["reason"], late["late"]) == ("stop", "gone", True)
+        assert row(survey, 1)["status"] == "gone"
         assert survey.handle(arrived("c", robot="robot2", time=0.2))["answer"] == "go"
         survey.handle(gone | {"id": "late"})
         assert row(survey, 1)["status"] == "travelling"

@@ -29,6 +29,7 @@ class Robot:
     memory: Any  # of the planner, likewise
     status: str = WAITING
     arrivals: int = 0  # decisions taken for it
+    latest: float = 0.0  # time of its latest report of any kind
     time: float = 0.0  # of the last report of where it is
     odometer: float = 0.0  # way travelled then
     leg: Float[np.ndarray, "v 2"] = field(default_factory=lambda: np.zeros((1, 2)))  # from there on; one point: stays
@@ -89,7 +90,8 @@ class Robot:
         `planned` is the odometer at the leg's last measurement, or at the one planned before where it has none.
         """
         insort(self.fixes, (time, odometer))
-        self.time, self.odometer, self.leg, self.answer = time, odometer, leg, answer
+        self.latest = self.time = time
+        self.odometer, self.leg, self.answer = odometer, leg, answer
         self.planned, self.message, self.memory = planned, message, memory
         self.status = TRAVELLING if len(leg) > 1 else STOPPED
         self.arrivals += 1
@@ -100,10 +102,9 @@ class Robot:
             insort(self.fixes, (time, travelled))
 
     def leave(self, time: float, nothing: Any) -> None:
-        """It is lost, unless it has reported later: it stays where it was last, and announces nothing."""
-        if time >= self.time:
-            self.leg, self.time = self.where(time)[None], time
-            self.message, self.status, self.answer = nothing, GONE, None
+        """It is lost, unless it has reported later: it announces nothing."""
+        if time >= self.latest:
+            self.latest, self.message, self.status, self.answer = time, nothing, GONE, None
 
     def grant(self, budget: float, time: float, event: str) -> None:
         """Its whole budget is another one; of several events the latest decides."""
@@ -112,8 +113,10 @@ class Robot:
 
     def announce(self, time: float, position: Float[np.ndarray, "2"], message: Any) -> None:
         """Another process plans for it, and this is what it told."""
-        if time >= self.time:
-            self.time, self.leg, self.message, self.status = time, position[None], message, TRAVELLING
+        if time >= self.latest:
+            self.odometer = self.travelled(position, None)
+            self.latest = self.time = time
+            self.leg, self.message, self.status = position[None], message, TRAVELLING
 
     def note_measurement(self, time: float, travelled: float | None) -> None:
         """Remember that it measured."""

@@ -16,7 +16,7 @@ from maipp.live.journal import Journal
 from maipp.live.measurements import Measurements, Sample
 from maipp.live.messages import describe, pack, unpack
 from maipp.live.request import PROTOCOL, Fields
-from maipp.live.robots import Robot
+from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
 from maipp.live.world import Setup, World, draw_world, make_setup
 from maipp.planners import make_planner
@@ -216,15 +216,11 @@ class LiveSurvey:
             return {"answer": "noted", "id": event.id}, None
         robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
         time, position, told = inner["time"], inner["position"], inner["travelled"]
-        if time < robot.time and robot.answer is not None:
-            # It has been somewhere else since: what it was told there stands.
-            again = {key: value for key, value in robot.answer.items() if key not in ("answer", "id", "robot")}
-            return {"answer": robot.answer["answer"]} | head | again | {"late": True}, {"late": told}
+        if time < robot.latest and (robot.answer is not None or robot.status == GONE):
+            return self._late(robot, head), {"late": told}
         odometer = robot.travelled(position, told)
         made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
-        units = self.setup.units
-        left = max(robot.budget - odometer, 0.0)
-        way = {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
+        units, way = self.setup.units, self._way(robot, odometer)
         state = {
             "odometer": odometer,
             "planned": made.planned,
@@ -237,6 +233,18 @@ class LiveSurvey:
         answer = {"answer": "go"} | head | {"waypoints": units.points_out(made.leg[1:])}
         answer |= {"measure": units.points_out(made.measure), "arrival": units.time_out(made.arrival)}
         return answer | way | {"message": describe(made.message, units)}, state
+
+    def _late(self, robot: Robot, head: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a report that is older than the robot's latest: what it was told there stands."""
+        if robot.answer is None:
+            stop = {"answer": "stop"} | head | {"reason": "gone"} | self._way(robot, robot.odometer)
+            return stop | {"message": None, "late": True}
+        again = {key: value for key, value in robot.answer.items() if key not in ("answer", "id", "robot")}
+        return {"answer": robot.answer["answer"]} | head | again | {"late": True}
+
+    def _way(self, robot: Robot, odometer: float) -> dict[str, Any]:
+        units, left = self.setup.units, max(robot.budget - odometer, 0.0)
+        return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
 
     def _apply(
         self, event: Event, inner: dict[str, Any], print_: bytes, answer: dict[str, Any], state: dict[str, Any] | None
