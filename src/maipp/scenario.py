@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, no_type_check
 
 from maipp import scenario_checks as checks
-from maipp.errors import InputError
+from maipp.errors import InputError, one_line
 from maipp.scenario_checks import Check, CheckError, nearest, show
 
 Pair = tuple[float, float]
@@ -30,7 +30,7 @@ class ScenarioError(InputError):
         self.key, self.problem, self.where = key, problem, where
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.key}: {self.problem}" if self.where else f"scenario.{self.key}: {self.problem}"
+        return one_line(f"{f'{self.where}: ' if self.where else 'scenario.'}{self.key}: {self.problem}")
 
 
 class Quantity(NamedTuple):

@@ -117,7 +117,7 @@ def _pairs(text: str, source: str) -> Iterator[tuple[str, Any, int]]:
                 raise InputError(f"{source}:{line}: the key is not a plain word; give lines of `field: value`")
             try:
                 value = loader.construct_object(content, deep=True)
-            except (ValueError, KeyError):  # `!!int three`, or a number of 5000 digits
+            except (ValueError, KeyError, IndexError):  # `!!int three`, `!!float ""`, or a number of 5000 digits
                 problem = "cannot be read; give a plain number, word or list"
                 raise ScenarioError(key.value, problem, f"{source}:{line}") from None
             yield key.value, value, line

@@ -1,13 +1,16 @@
 """`maipp plan`: five files or none, in the units that the person uses, and one clear line for what is wrong."""
 
 import csv
+import dataclasses
+import re
 
 import numpy as np
 import pytest
 from matplotlib.animation import FFMpegWriter
 
 import maipp.viz
-from maipp.cli.plan import Plan, run
+from maipp.belief import PriorSamples
+from maipp.cli.plan import Plan, report, run
 from maipp.errors import InputError
 from maipp.simulator.episode import replay
 from maipp.simulator.episode_io import read_episode
@@ -52,8 +55,11 @@ def test_a_survey_leaves_five_files_that_agree(tmp_path, capsys):
         assert len(list(csv.reader(file))) == 1 + sum(len(agent.measurement_y) for agent in episode.agents)
     printed = capsys.readouterr().out
     assert f"{episode.metrics.trace:.4g}" in printed and f"{episode.metrics.rmse:.4g}" in printed
+    assert "prior samples" not in printed
     for name in FILES:
         assert f"wrote {out / name}" in printed
+    report(dataclasses.replace(episode, prior=PriorSamples(np.zeros((7, 2)), np.zeros(7))), [])
+    assert re.search(r"prior samples +7\b", capsys.readouterr().out)
 
 
 def test_a_field_from_a_file_is_surveyed_in_its_units(tmp_path, raster):

@@ -168,7 +168,10 @@ def rows(table, header="x,y,value\n"):
 
 
 BAD_FILES = {
-    "suffix": ("f.tif", text("1"), {}, r"unknown suffix '\.tif'.*\.npz, \.npy or \.csv"),
+    "suffix": ("f.shp", text("1"), {}, r"unknown suffix '\.shp'.*\.npz, \.npy, \.csv, \.tif"),
+    "at without dimensions": ("f.npy", save(VALUES), {"at": {"time": 0}}, "only a NetCDF file.*leave out at"),
+    "unknown way": ("f.npy", save(VALUES), {"gaps": "zero"}, "gaps: 'zero' is no way"),
+    "only gaps": ("f.npy", save(VALUES * np.nan), {"gaps": "nearest"}, "not one cell has a value"),
     "missing": ("f.npy", lambda path: None, {}, "no such file"),
     "directory": ("f.csv", lambda path: path.mkdir(), {}, "no such file"),
     "empty npz": ("f.npz", text(""), {}, "is empty"),
@@ -235,5 +238,42 @@ def test_bad_files_give_one_line_naming_file_and_problem(case, tmp_path):
     with pytest.raises(InputError, match=problem) as caught:
         load_raster(path, **options)
     message = str(caught.value)
-    assert message.startswith(str(path))
+    assert message.startswith((str(path), "gaps: "))
     assert "\n" not in message
+
+
+# Cells without a value
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".npy"])
+def test_gaps_are_filled_from_the_nearest_value_and_told(suffix, tmp_path):
+    path = tmp_path / f"lake{suffix}"
+    land = np.zeros((4, 5), bool)
+    land[0, :3] = land[1, 0] = True
+    values = np.where(land, np.nan, VALUES)
+    if suffix == ".npz":
+        np.savez(path, z=values[::-1], x=X, y=Y[::-1])
+    elif suffix == ".npy":
+        np.save(path, values)
+    else:
+        write_csv(path, [(x, y, values[j, i]) for j, y in enumerate(Y) for i, x in enumerate(X)])
+    with pytest.raises(InputError, match="fill the gaps"):
+        load_raster(path)
+    data = load_raster(path, gaps="nearest")
+    assert data.missing is not None
+    np.testing.assert_array_equal(data.missing, land)
+    np.testing.assert_array_equal(data.values[~land], VALUES[~land])
+    assert np.isfinite(data.values).all() and set(data.values[land]) <= set(VALUES[~land])
+    assert data.values[0, 1] == VALUES[1, 1]  # the cell to its side is missing too, the one above has a value
+    np.testing.assert_array_equal(
+        data.known(np.array([[data.x[0], data.y[0]], [data.x[4], data.y[3]], [data.x[0] - 1, data.y[3]]])),
+        [False, True, False],
+    )
+
+
+def test_a_full_grid_has_nothing_missing(tmp_path):
+    np.savez(tmp_path / "f.npz", z=VALUES, x=X, y=Y)
+    data = load_raster(tmp_path / "f.npz", gaps="nearest")
+    assert data.missing is None and data.crs is None
+    assert_is_the_grid(data)
+    assert data.known(np.array([[100.0, -3.0], [200.1, 0.0]])).tolist() == [True, False]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely.geometry import shape
+from shapely.geometry import Polygon, shape
 
 from maipp.errors import InputError
+from maipp.missions import RoutePlan
 from maipp.missions.geojson import geojson_file
 
 GOLDEN = Path(__file__).with_name("golden") / "routes.geojson"
@@ -99,13 +100,16 @@ def test_shapely_reads_what_was_planned(any_plan, data):
     assert {(about["quantity"], about["unit"]) for _, about in measured} <= {(plan.quantity, plan.unit)}
 
 
-@given(st.data())
-def test_polygons_are_closed_and_wound_by_the_right_hand_rule(any_plan, data):
-    plan = any_plan(data)
+@pytest.mark.parametrize("turned", [False, True])
+def test_polygons_are_closed_and_wound_by_the_right_hand_rule(plan, turned):
+    if turned:
+        no_go = tuple(zone[::-1] for zone in plan.no_go)
+        plan = RoutePlan(plan.title, plan.routes, plan.area[::-1], no_go, True)
     features = read(geojson_file(plan))
     ((area, _),), zones = of_kind(features, "area"), of_kind(features, "no-go")
-    rings = [area.exterior, *(zone.exterior for zone, _ in zones)]
-    for polygon, ring in zip((plan.area, *plan.no_go), rings, strict=True):
+    for polygon, read_back in zip((plan.area, *plan.no_go), (area, *(zone for zone, _ in zones)), strict=True):
+        assert isinstance(read_back, Polygon)
+        ring = read_back.exterior
         assert ring.is_ccw and ring.coords[0] == ring.coords[-1]
         assert {tuple(point) for point in ring.coords} == {tuple(point) for point in np.round(polygon, 7).tolist()}
 

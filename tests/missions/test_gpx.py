@@ -15,13 +15,13 @@ NAMESPACE = "{http://www.topografix.com/GPX/1/1}"
 
 # The sequences of the GPX 1.1 schema (gpxType, metadataType, wptType, rteType), as far as they are used here or
 # stand between what is used: elements may be left out, but not be in another order.
-WPT = "ele time magvar geoidheight name cmt desc src link sym type fix sat hdop extensions".split()
-SEQUENCES = {
-    "gpx": "metadata wpt rte trk extensions".split(),
-    "metadata": "name desc author copyright link time keywords bounds extensions".split(),
+WPT = tuple("ele time magvar geoidheight name cmt desc src link sym type fix sat hdop extensions".split())
+SEQUENCES: dict[str, tuple[str, ...]] = {
+    "gpx": tuple("metadata wpt rte trk extensions".split()),
+    "metadata": tuple("name desc author copyright link time keywords bounds extensions".split()),
     "wpt": WPT,
     "rtept": WPT,
-    "rte": "name cmt desc src link number type extensions rtept".split(),
+    "rte": tuple("name cmt desc src link number type extensions rtept".split()),
 }
 TEXT = {"name", "cmt", "desc", "type", "number"}
 
@@ -48,10 +48,30 @@ def assert_is_gpx(element: Xml.Element) -> None:
         assert_is_gpx(child)
 
 
+def assert_is_gpx_file(text: str) -> None:
+    """The whole file is as the schema has it."""
+    root = Xml.fromstring(text)
+    assert root.tag == f"{NAMESPACE}gpx"
+    assert root.attrib["version"] == "1.1" and root.attrib["creator"]
+    assert_is_gpx(root)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("<cmt>0 s</cmt>", "<cmt>0 s</cmt><time>0</time>"), ('lat="51', 'lat="91'), ("<number>1<", "<number>-1<")],
+)
+def test_the_check_of_the_structure_can_say_no(plan, right, wrong):
+    text = gpx_file(plan)
+    assert_is_gpx_file(text)
+    with pytest.raises(AssertionError):
+        assert_is_gpx_file(text.replace(right, wrong))
+
+
 @given(st.data())
 def test_gpxpy_reads_what_was_planned(any_plan, data):
     plan = any_plan(data)
     text = gpx_file(plan)
+    assert_is_gpx_file(text)
     read = gpxpy.parse(text, version="1.1")
     assert read.creator == "maipp" and (read.name or "") == plan.title
     assert [route.name for route in read.routes] == [route.name for route in plan.routes]
@@ -62,14 +82,6 @@ def test_gpxpy_reads_what_was_planned(any_plan, data):
     measured = np.vstack([route.measurements for route in plan.routes])
     places = np.reshape([(point.longitude, point.latitude) for point in read.waypoints], (-1, 2))
     np.testing.assert_allclose(places, measured, rtol=0, atol=0.51e-7)
-
-
-@given(st.data())
-def test_it_is_built_as_the_schema_says(any_plan, data):
-    root = Xml.fromstring(gpx_file(any_plan(data)))
-    assert root.tag == f"{NAMESPACE}gpx"
-    assert root.attrib["version"] == "1.1" and root.attrib["creator"]
-    assert_is_gpx(root)
 
 
 def test_gpxpy_writes_the_same_content_back(plan):

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,9 @@ GOOD = {"name": "a", "points": [[0.0, 0.0], [1.0, 1.0]], "times": [0.0, 2.0], "s
 
 
 def route(**changes):
-    values = {**GOOD, **changes}
-    return Route(**{key: np.array(value) if isinstance(value, list) else value for key, value in values.items()})
+    values: dict[str, Any] = {**GOOD, **changes}
+    values |= {key: np.array(value) for key, value in values.items() if isinstance(value, list)}
+    return Route(**values)
 
 
 def plan(**changes):

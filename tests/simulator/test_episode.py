@@ -14,14 +14,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import Matern
 
+from maipp.belief import PriorSamples
 from maipp.errors import InputError
 from maipp.fields.raster import Mapping
 from maipp.planners.random_walk import RandomWalk
 from maipp.planners.sga_rrt import SgaRrt
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.episode import Episode, replay, shortest
+from maipp.simulator.checked_json import pretty
+from maipp.simulator.episode import AgentRecord, Episode, replay, shortest
 from maipp.simulator.episode_io import (
     dump_episode,
     measurements_csv,
@@ -34,6 +38,8 @@ from maipp.simulator.metrics import score_missions
 
 SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3)
 MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
+PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))
+GOLDEN = Path(__file__).parent / "golden" / "prior.json"
 
 
 @pytest.fixture(scope="module")
@@ -132,6 +138,84 @@ def test_a_mapping_and_obstacles_survive(episode):
     np.testing.assert_array_equal(again.inside, inside)
 
 
+@pytest.mark.parametrize("noise", [None, np.array([0.0, 1e-3, 2.5], np.float32)])
+def test_prior_samples_survive_and_count_in_a_replay(episode, noise):
+    there = dataclasses.replace(episode, prior=PRIOR._replace(noise=noise))
+    again = parse_episode(dump_episode(there))
+    assert dump_episode(again) == dump_episode(there)
+    assert again.prior is not None
+    for found, wanted in zip(again.prior, there.prior, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+        assert found is None or found.dtype == np.float32
+    for field in dataclasses.fields(again.metrics):
+        np.testing.assert_allclose(getattr(replay(again), field.name), getattr(there.metrics, field.name), rtol=1e-6)
+    assert there.metrics.curve_trace[0] < episode.metrics.curve_trace[0]
+
+
+def test_without_prior_samples_the_file_says_nothing_of_them(text):
+    assert "prior" not in json.loads(text) and parse_episode(text).prior is None
+
+
+def by_hand():
+    """A record in round numbers, whose metrics are those of its measurements and prior samples."""
+    scenario = Scenario.create(agents=1, budget=0.5, grid=3, start=[0.25, 0.5], threshold=0.5)
+    agent = AgentRecord(
+        start=np.array([0.25, 0.5], np.float32),
+        budget=0.5,
+        speed=1.0,
+        distance=0.5,
+        decisions=2,
+        route=np.array([[0.25, 0.5], [0.75, 0.5]], np.float32),
+        route_time=np.array([0.0, 0.5], np.float32),
+        measurement_x=np.array([[0.45, 0.5], [0.65, 0.5]], np.float32),
+        measurement_y=np.array([0.5, 0.75], np.float32),
+        measurement_time=np.array([0.2, 0.4], np.float32),
+        known=np.array([2]),
+    )
+    prior = PriorSamples(
+        np.array([[0.125, 0.25], [0.875, 1.0]], np.float32),
+        np.array([0.25, -0.5], np.float32),
+        np.array([0.0625, 0.25], np.float32),
+    )
+    truth = np.linspace(0, 1, 9).astype(np.float32)
+    return Episode(scenario, "by-hand", {}, 0, 0, (agent,), truth, np.ones(9, bool), 0, prior=prior)
+
+
+def golden_text():
+    """The golden file, which leaves out the scenario: a setting more does not make another format."""
+    scenario = pretty(by_hand().scenario.to_dict(), "  ")
+    return GOLDEN.read_text(encoding="utf-8").replace('"scenario": {}', f'"scenario": {scenario}')
+
+
+def test_a_file_with_prior_samples_is_as_it_was():
+    """The golden file was written once; the next test holds its metrics against scikit-learn."""
+    golden = golden_text()
+    recorded = parse_episode(golden)
+    assert dump_episode(recorded) == golden
+    now = by_hand()
+    assert dump_episode(dataclasses.replace(now, recorded=recorded.recorded)) == golden
+    for field in dataclasses.fields(recorded.metrics):
+        found, wanted = getattr(replay(now), field.name), getattr(recorded.metrics, field.name)
+        np.testing.assert_allclose(found, wanted, rtol=1e-4)
+
+
+def test_the_golden_file_s_metrics_are_those_of_the_posterior():
+    episode = parse_episode(golden_text())
+    (agent,), prior = episode.agents, episode.prior
+    assert prior is not None and prior.noise is not None
+    noise = np.append(np.full(2, episode.scenario.noise), prior.noise)
+    process = GaussianProcessRegressor(Matern(0.45, nu=1.5), alpha=noise, optimizer=None)
+    process.fit(np.concatenate([agent.measurement_x, prior.x]), np.append(agent.measurement_y, prior.y))
+    line = np.linspace(0, 1, 3)
+    grid = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+    mean, std = process.predict(grid, return_std=True)
+    area = mean + std >= 0.5
+    assert 0 < area.sum() < 9
+    assert episode.metrics.trace == pytest.approx((std[area] ** 2).sum(), rel=1e-4)
+    assert episode.metrics.true_trace == pytest.approx((std[episode.truth >= 0.5] ** 2).sum(), rel=1e-4)
+    assert episode.metrics.rmse == pytest.approx(np.sqrt(((mean - episode.truth) ** 2).mean()), rel=1e-4)
+
+
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_shortest_decimals_are_exact(value):
     assert np.float32(json.loads(json.dumps(shortest(np.float32(value))))) == np.float32(value)
@@ -151,7 +235,7 @@ def keys_of(value, prefix=""):
 def test_every_key_is_documented(episode):
     page = (Path(__file__).parents[2] / "docs" / "episode.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
-    written = set(keys_of(json.loads(dump_episode(dataclasses.replace(episode, mapping=MAPPING)))))
+    written = set(keys_of(json.loads(dump_episode(dataclasses.replace(episode, mapping=MAPPING, prior=PRIOR)))))
     fields = {f"scenario.{name}" for name in Scenario.__dataclass_fields__}  # documented in docs/scenario.md
     assert fields <= written
     assert written - fields <= documented
@@ -202,6 +286,12 @@ def change(record, path, value):
         ("outside", [10**30], r"outside\[0\]"),
         ("mapping", {}, "mapping.origin: missing"),
         ("mapping", "none", "mapping: must be an object"),
+        ("prior", [], "prior: must be an object"),
+        ("prior", {"x": [], "y": [], "value": [], "noise": None}, "prior.value: is empty; leave prior out"),
+        ("prior", {"x": [0], "y": [0, 1], "value": [0.5], "noise": None}, "prior.y: has 2 entries; there must be 1"),
+        ("prior", {"x": [0], "y": [0], "value": [1e300], "noise": None}, r"prior.value\[0\]: is too large for float32"),
+        ("prior", {"x": [0], "y": [0], "value": [0.5], "noise": [-1]}, "prior.noise: goes below 0"),
+        ("prior", {"x": [0], "y": [0], "value": [0.5]}, "prior.noise: missing"),
     ],
 )
 def test_what_is_wrong_is_named_with_file_and_key(text, path, value, message):

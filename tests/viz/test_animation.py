@@ -8,6 +8,7 @@ import pytest
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
+from maipp.belief import PriorSamples
 from maipp.viz.animation import Film, save_animation
 
 WORKING = '#!/bin/sh\ncat > /dev/null\nfor last; do :; done\nprintf film > "$last"\n'
@@ -52,6 +53,18 @@ def test_frames_show_the_belief_the_agents_and_the_trace_of_their_time(episode):
             for place in episode.positions(np.array([time]))[:, 0]:
                 assert np.isclose(points_in(axes), place, atol=1e-6).all(axis=1).any()
         assert np.asarray(curve.lines[-1].get_ydata())[0] == pytest.approx(belief.trace[0], rel=1e-4)
+
+
+def test_a_film_begins_with_what_prior_samples_tell(episode):
+    prior = PriorSamples(np.array([[0.25, 0.25]], np.float32), np.array([0.9], np.float32))
+    film = Film(dataclasses.replace(episode, prior=prior), frames=3, dpi=40)
+    film.show(0)
+    for axes in film.figure.axes[:2]:
+        (crosses,) = [line for line in axes.lines if line.get_marker() == "+"]
+        np.testing.assert_array_equal(crosses.get_xydata(), prior.x)
+    mean_map, std_map, _ = film.figure.axes
+    assert picture_in(mean_map)[4, 2] == pytest.approx(0.9, abs=1e-3)  # the sample lies on the grid
+    assert picture_in(std_map)[4, 2] < 0.01 and picture_in(std_map)[0, 8] > 0.5
 
 
 def test_a_mapped_film_is_in_the_file_s_coordinates(episode, mapping):

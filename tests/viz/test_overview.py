@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import maipp.viz
+from maipp.belief import PriorSamples
 from maipp.errors import InputError
 from maipp.viz.overview import draw_overview, save_overview
 from maipp.viz.style import AGENT_COLOURS, agent_colour, agent_line
@@ -31,6 +32,23 @@ def test_four_maps_show_every_route_and_measurement(episode):
             for points in (agent.route, agent.measurement_x, agent.route[-1:], agent.start[None]):
                 assert any(np.array_equal(np.float32(line), points) for line in drawn)
         assert len(axes.patches) == len(episode.scenario.obstacles)
+
+
+@pytest.mark.parametrize("count", [3, 2000])
+def test_prior_samples_are_small_crosses_on_every_map(episode, mapping, count):
+    x = np.random.default_rng(0).uniform(0, 0.5, (count, 2)).astype(np.float32)
+    prior = PriorSamples(x, np.zeros(count, np.float32), np.full(count, 0.1, np.float32))
+    there = dataclasses.replace(episode, prior=prior, mapping=mapping)
+    figure = draw_overview(there, dpi=40)
+    for axes in maps_of(figure):
+        (crosses,) = [line for line in axes.lines if line.get_marker() == "+"]
+        np.testing.assert_allclose(crosses.get_xydata(), mapping.to_file_points(x))
+        assert crosses.get_linestyle() == "None" and crosses.get_markersize() <= 4
+    (legend,) = figure.legends
+    assert "prior sample" in [text.get_text() for text in legend.get_texts()]
+    assert any(f"measurements, {count} prior samples" in text.get_text() for text in figure.texts)
+    (legend,) = draw_overview(episode, dpi=40).legends
+    assert "prior sample" not in [text.get_text() for text in legend.get_texts()]
 
 
 def test_truth_and_mean_share_one_colour_scale(episode):

@@ -49,9 +49,7 @@ def metric_files(relief: Path, folder: Path) -> None:
 
     write_atomic(folder / "area-metres.geojson", json.dumps(metric(window)) + "\n")
     features = [{"type": "Feature", "properties": {}, "geometry": metric(polygon)} for polygon in land]
-    write_atomic(
-        folder / "land-metres.geojson", json.dumps({"type": "FeatureCollection", "features": features}) + "\n"
-    )
+    write_atomic(folder / "land-metres.geojson", json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from maipp.belief.kernel import Matern32
@@ -20,15 +21,17 @@ class Measurements(NamedTuple):
 
 
 class PriorSamples(NamedTuple):
-    """Old measurements: known to every agent from the start."""
+    """Old measurements: known to every agent from the start. On the device, or in a record on the host."""
 
-    x: Float[Array, "p 2"]  # positions, domain units; anywhere, outside the domain as well
-    y: Float[Array, " p"]  # values, standardised
-    noise: Float[Array, " p"] | None = None  # noise variance of each; None: that of the robots' measurements
+    x: Float[Array | np.ndarray, "p 2"]  # positions, domain units; anywhere, outside the domain as well
+    y: Float[Array | np.ndarray, " p"]  # values, standardised
+    noise: Float[Array | np.ndarray, " p"] | None = (
+        None  # noise variance of each; None: that of the robots' measurements
+    )
 
     def extra_noise(self, noise: float | Float[Array, ""]) -> Float[Array, " p"] | None:
         """What the samples' noise variance exceeds the robots' `noise` by; below 0 where the samples are better."""
-        return None if self.noise is None else self.noise - noise
+        return None if self.noise is None else jnp.asarray(self.noise) - noise
 
     def after(
         self, x: Float[Array, "n 2"], y: Float[Array, " n"], mask: Bool[Array, " n"], noise: float | Float[Array, ""]
@@ -51,7 +54,9 @@ class PriorSamples(NamedTuple):
         """
         known = jnp.ones(self.y.shape[0], bool)
         everywhere = jnp.concatenate([x, query])
-        belief = condition(kernel, self.x, self.y, known, everywhere, noise, self.extra_noise(noise))
+        belief = condition(
+            kernel, jnp.asarray(self.x), jnp.asarray(self.y), known, everywhere, noise, self.extra_noise(noise)
+        )
         slots = x.shape[0]
         rows, query_rows = belief.whitened_query[:, :slots], belief.whitened_query[:, slots:]
         return SampledProcess(

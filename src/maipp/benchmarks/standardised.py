@@ -62,7 +62,7 @@ class Standardised:
     """prior: fields drawn from the kernel, as where it was fitted to old samples; mixture: those of the paper"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Place:
     """One cell of the table, and where in it."""
 

@@ -75,25 +75,22 @@ def scenario_for(mapping: "Mapping") -> Scenario:
 
 def run(flags: Demo) -> int:
     """Plan the survey, write its files, print its numbers in metres and kilometres."""
-    import numpy as np
-
     from maipp.cli.plan import report, survey
+    from maipp.simulator.found import found_by
 
     field = bathymetry()
     scenario = scenario_for(field.mapping)
     episode, paths = survey(scenario, flags.planner, {}, seed=flags.seed, out=flags.out, field=field)
     kilometres = field.mapping.size[1] / field.mapping.domain[1] * _KM_PER_DEGREE  # in a domain unit
-    deep = episode.truth >= scenario.threshold
-    found = episode.beliefs(np.array([np.inf])).area[0] & deep
+    found = found_by(episode)
     print(f"Strait of Georgia, {scenario.extent[0] * kilometres:.0f} x {scenario.extent[1] * kilometres:.0f} km.")
-    print(
-        f"Of high interest: sea bed deeper than {INTERESTING:g} m, {deep.mean():.0%} of the area (land counts as 0 m)."
-    )
+    deep = f"{found.true[0]:.0%} of the area"
+    print(f"Of high interest: sea bed deeper than {INTERESTING:g} m, {deep} (land counts as 0 m).")
     report(episode, paths)
     lengths = ", ".join(f"{agent.distance * kilometres:.0f}" for agent in episode.agents)
     print(f"The robots travelled {lengths} km and mapped the depth with an error of {_metres(episode):.0f} m (RMSE),")
     print(f"where guessing the mean depth everywhere would have {episode.truth.std() * DEPTH:.0f} m.")
-    print(f"{found.sum() / deep.sum():.0%} of the deep lies in the area they predict.")
+    print(f"{found.recall[0]:.0%} of the deep lies in the area they predict.")
     return 0
 
 

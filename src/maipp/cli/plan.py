@@ -156,6 +156,8 @@ def report(episode: "Episode", paths: list[Path]) -> None:
         ("measurements", f"{count}, after {episode.decisions} decisions of {episode.message_bytes} bytes sent each"),
     ):
         table.add_row(name, value)
+    if episode.prior is not None:
+        table.add_row("prior samples", f"{len(episode.prior.y)}")
     console = Console(highlight=False, soft_wrap=True)
     console.print(table)
     for path in paths:

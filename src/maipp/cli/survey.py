@@ -116,11 +116,13 @@ def _check_flags(flags: Survey) -> None:
 
 
 def _plan(flags: Survey, survey: "MissionFile") -> int:
+    from maipp.surveys.routes import check_files
     from maipp.surveys.standardise import prepare
 
     console = Console(highlight=False, soft_wrap=True)
     prepared = prepare(survey, planner=flags.planner, planner_options=assignments(flags.settings))
     prepared.make_planner()  # before any work
+    check_files(prepared)
     _describe(prepared, console)
     if flags.check:
         console.print(f"{flags.mission}: a valid mission")

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from maipp.errors import InputError
-from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose
+from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in
 
 
 def parse_csv(path: Path) -> tuple[list[str] | None, np.ndarray, list[int]]:
@@ -74,8 +74,12 @@ def grid_from_rows(
     table: Float[np.ndarray, "n 3"],
     lines: list[int],
     names: tuple[str | None, ...],
+    gaps: bool = False,
 ) -> RasterData:
-    """The grid that x,y,value rows in any order fill; InputError where a cell is missing or given twice."""
+    """The grid that x,y,value rows in any order fill; InputError where a cell is missing or given twice.
+
+    `gaps` takes values that are not finite for missing ones.
+    """
     bad = np.argwhere(~np.isfinite(table[:, :2]))
     if len(bad):
         row, column = bad[0]
@@ -102,7 +106,8 @@ def grid_from_rows(
             f"{path}: not a full grid, {size - len(cell)} of {len(y)} x {len(x)} cells are missing; "
             f"the first is x={x[col]:.10g}, y={y[row]:.10g}{hint}"
         )
-    return RasterData(table[order, 2].reshape(len(y), len(x)), x, y, str(path), *names)
+    values = table[order, 2].reshape(len(y), len(x))
+    return RasterData(values, x, y, str(path), *names, missing=gaps_in(values) if gaps else None)
 
 
 def _distinct(coordinate: Float[np.ndarray, " n"]) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.ndimage import distance_transform_edt
 
 from maipp.errors import InputError
 
@@ -19,6 +20,9 @@ class RasterData:
     Construction converts to float64, flips descending coordinates (the values with them) and checks all that
     the planner relies on. Raises InputError, starting with `source`, for fewer than 2 x 2 values, shapes that
     do not fit, values not finite or all equal, and coordinates that are not strictly monotonic.
+
+    A map of a lake has no values on land: where `missing` is given, those cells get the value of the nearest cell that
+    has one, so that interpolation near the shore is not spoilt, and `known` tells where the map has values.
     """
 
     # Shapes are checked below, not annotated: a person whose file has others must be told so in words.
@@ -29,6 +33,8 @@ class RasterData:
     x_name: str | None = None
     y_name: str | None = None
     value_name: str | None = None
+    crs: str | None = None  # coordinate reference system, such as EPSG:4326, or as WKT; None where the file has none
+    missing: np.ndarray | None = None  # (rows, cols) bool, True where the file has no value; None: none is missing
 
     def __post_init__(self) -> None:
         values = numeric(self.values, self.source, self.value_name or "value")
@@ -45,6 +51,9 @@ class RasterData:
             )
         _check_monotonic(x, self.x_name or "x", self.source)
         _check_monotonic(y, self.y_name or "y", self.source)
+        missing = self.missing
+        if missing is not None:
+            values = filled(values, missing, x, y, self.source)
         # Before any flip, so that the cell named is the cell in the file.
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
@@ -56,11 +65,47 @@ class RasterData:
         if values.min() == values.max():
             raise InputError(f"{self.source}: every value is {values.flat[0]:g}; a constant field cannot be rescaled")
         if x[0] > x[-1]:
-            x, values = x[::-1], values[:, ::-1]
+            x, values, missing = x[::-1], values[:, ::-1], None if missing is None else missing[:, ::-1]
         if y[0] > y[-1]:
-            y, values = y[::-1], values[::-1]
-        for field, array in (("values", values), ("x", x), ("y", y)):
-            object.__setattr__(self, field, np.ascontiguousarray(array))
+            y, values, missing = y[::-1], values[::-1], None if missing is None else missing[::-1]
+        for field, array in (("values", values), ("x", x), ("y", y), ("missing", missing)):
+            object.__setattr__(self, field, None if array is None else np.ascontiguousarray(array))
+
+    def known(self, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+        """Whether the map has a value at file coordinates (x, y): within its box, and the nearest cell not missing."""
+        column, row = (_nearest(axis, points[:, i]) for i, axis in enumerate((self.x, self.y)))
+        low, high = np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]])
+        inside = ((points >= low) & (points <= high)).all(axis=1)
+        return inside if self.missing is None else inside & ~self.missing[row, column]
+
+
+def gaps_in(values: np.ndarray) -> Bool[np.ndarray, "rows cols"] | None:
+    """Where a grid has no value: masked or not finite; None where every cell has one."""
+    if np.asarray(values).ndim != 2 or np.asarray(values).dtype.kind not in "biuf":
+        return None  # told in words when the raster is made
+    missing = np.ma.getmaskarray(values) | ~np.isfinite(np.ma.getdata(values))
+    return missing if missing.any() else None
+
+
+def filled(
+    values: Float[np.ndarray, "rows cols"], missing: np.ndarray, x: np.ndarray, y: np.ndarray, source: str
+) -> Float[np.ndarray, "rows cols"]:
+    """The values, those of missing cells taken from the nearest cell that has one (by the axes' mean spacing).
+
+    Raises InputError where no cell has a value.
+    """
+    if missing.shape != values.shape or missing.dtype != bool:
+        raise InputError(f"{source}: missing must tell for each of {values.shape} cells, it is {missing.shape}")
+    if missing.all():
+        raise InputError(f"{source}: not one cell has a value")
+    spacing = [abs(float(axis[-1] - axis[0])) / (len(axis) - 1) for axis in (y, x)]
+    nearest = distance_transform_edt(missing, sampling=spacing, return_distances=False, return_indices=True)
+    return values[tuple(np.asarray(nearest))]
+
+
+def _nearest(axis: Float[np.ndarray, " k"], position: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Index of the nearest entry of an ascending axis."""
+    return np.searchsorted((axis[1:] + axis[:-1]) / 2, position)
 
 
 def choose(candidates: list[str], value: str | None, where: str, what: str) -> str:

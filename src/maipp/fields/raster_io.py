@@ -1,8 +1,9 @@
-"""Gridded fields as people bring them: .npz, .npy and .csv files read to one checked grid."""
+"""Gridded fields as people bring them: NumPy, CSV, GeoTIFF and NetCDF files read to one checked grid."""
 
+import tokenize
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -10,37 +11,74 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.fields.raster_csv import csv_columns, grid_from_rows, parse_csv
-from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, numeric
+from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric
+from maipp.fields.raster_geotiff import read_geotiff
+from maipp.fields.raster_netcdf import read_netcdf
+from maipp.fields.raster_placed import refuse_extent, without_coordinates
 
-# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short.
-BROKEN = (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+# What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of
+# headers lets through what Python's tokenizer and parser say of them, and sizes that no memory holds.
+BROKEN = (
+    ValueError,
+    TypeError,
+    SyntaxError,
+    EOFError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+    tokenize.TokenError,
+    OverflowError,
+    MemoryError,
+)
 
 
-def load_raster(path: str | Path, *, value: str | None = None, extent: Sequence[float] | None = None) -> RasterData:
-    """The grid stored in a .npz, .npy or .csv file, with its coordinates in the file's own units.
+SUFFIXES = (".npz", ".npy", ".csv", ".tif", ".tiff", ".nc", ".nc4", ".cdf")
 
-    `value` names the array of an .npz, or the column of a CSV with a header, where the choice is not obvious.
+
+def load_raster(
+    path: str | Path,
+    *,
+    value: str | None = None,
+    extent: Sequence[float] | None = None,
+    at: Mapping[str, int] | None = None,
+    gaps: str = "refuse",
+) -> RasterData:
+    """The grid stored in a .npz, .npy, .csv, GeoTIFF or NetCDF file, with its coordinates in the file's own units.
+
+    `value` names the array of an .npz, the column of a CSV with a header, the band of a GeoTIFF (its name or number,
+    counting from 1) or the variable of a NetCDF, where the choice is not obvious. `at` chooses the entry (counting from
+    0) along further dimensions of a NetCDF variable, such as `{"time": 0}`.
     `extent` = (x of the first column, x of the last, y of the first row, y of the last) places a file without
     coordinates; a picture whose first row is the top has y0 > y1. Without it the units are pixel indices.
     A CSV is x,y,value rows if it has a header, or three columns and at least four lines; otherwise a matrix.
-    Raises InputError (one line naming the file and the problem) for anything that is not a full, finite grid.
+    `gaps="nearest"` fills cells without a value (masked, no-data, NaN) from the nearest that has one and tells which in
+    `RasterData.missing`; "refuse" wants none. GeoTIFF and NetCDF need the extra `maipp[geo]`.
+    Raises InputError (one line naming the file and the problem) for anything that is not such a grid.
     """
     path = Path(path)
-    readers = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: unknown suffix '{path.suffix}'; a raster is a .npz, .npy or .csv file")
+    if gaps not in ("refuse", "nearest"):
+        raise InputError(f"gaps: {gaps!r} is no way to treat cells without a value; give refuse or nearest")
+    suffix, fill = path.suffix.lower(), gaps == "nearest"
+    if suffix not in SUFFIXES:
+        listed = ", ".join(SUFFIXES[:-1])
+        raise InputError(f"{path}: unknown suffix '{path.suffix}'; a raster is a {listed} or {SUFFIXES[-1]} file")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    if at and suffix not in (".nc", ".nc4", ".cdf"):
+        raise InputError(f"{path}: only a NetCDF file has further dimensions; leave out at={dict(at)}")
     try:
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty")
-        return reader(path, value, extent)
+        if suffix in (".tif", ".tiff"):
+            return read_geotiff(path, value, extent, fill)
+        if suffix in (".nc", ".nc4", ".cdf"):
+            return read_netcdf(path, value, extent, at or {}, fill)
+        return {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}[suffix](path, value, extent, fill)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
-def _read_npz(path: Path, value: str | None, extent: Sequence[float] | None) -> RasterData:
+def _read_npz(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
     arrays: dict[str, np.ndarray] = {}
     pickled: dict[str, Exception] = {}
     try:
@@ -72,21 +110,22 @@ def _read_npz(path: Path, value: str | None, extent: Sequence[float] | None) -> 
         next((k for name in names for k in arrays if k.lower() == name), None) for names in (X_NAMES, Y_NAMES)
     )
     if x_key is None and y_key is None:
-        return _without_coordinates(path, grid, extent, value_name=chosen)
+        return without_coordinates(path, grid, extent, fill, value_name=chosen)
     if x_key is None or y_key is None:
         have, lack = (y_key, X_NAMES) if x_key is None else (x_key, Y_NAMES)
         raise InputError(f"{path}: has coordinate '{have}' but not the other; add one named {' or '.join(lack)}")
-    _refuse_extent(path, extent)
+    refuse_extent(path, extent)
     x, y = (numeric(arrays[key], str(path), key) for key in (x_key, y_key))
     # Coordinates saved as a mesh: the same row (column) repeated.
     if grid.size and x.shape == grid.shape and (x == x[:1]).all():
         x = x[0]
     if grid.size and y.shape == grid.shape and (y == y[:, :1]).all():
         y = y[:, 0]
-    return RasterData(grid, x, y, str(path), x_key, y_key, chosen)
+    missing = gaps_in(grid) if fill else None
+    return RasterData(grid, x, y, str(path), x_key, y_key, chosen, missing=missing)
 
 
-def _read_npy(path: Path, value: str | None, extent: Sequence[float] | None) -> RasterData:
+def _read_npy(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
     _refuse_value(path, value)
     try:
         array = np.load(path, allow_pickle=False)
@@ -95,45 +134,22 @@ def _read_npy(path: Path, value: str | None, extent: Sequence[float] | None) -> 
     if not isinstance(array, np.ndarray):
         array.close()
         raise InputError(f"{path}: is an archive of several arrays; rename it to .npz")
-    return _without_coordinates(path, array, extent)
+    return without_coordinates(path, array, extent, fill)
 
 
-def _read_csv(path: Path, value: str | None, extent: Sequence[float] | None) -> RasterData:
+def _read_csv(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
     header, table, lines = parse_csv(path)
     if header is None and not (table.shape[1] == 3 and len(table) >= 4):
         _refuse_value(path, value)
-        return _without_coordinates(path, table, extent)
-    _refuse_extent(path, extent)
+        return without_coordinates(path, table, extent, fill)
+    refuse_extent(path, extent)
     if header is None:
         _refuse_value(path, value)
         columns, names = (0, 1, 2), (None, None, None)
     else:
         columns = csv_columns(path, header, value)
         names = tuple(header[i] for i in columns)
-    return grid_from_rows(path, table[:, columns], lines, names)
-
-
-def _without_coordinates(
-    path: Path, values: np.ndarray, extent: Sequence[float] | None, value_name: str | None = None
-) -> RasterData:
-    if values.ndim != 2:
-        raise InputError(f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions")
-    rows, cols = values.shape
-    if extent is None:
-        x, y = np.arange(cols, dtype=float), np.arange(rows, dtype=float)
-    else:
-        if len(extent) != 4 or not np.isfinite(extent).all():
-            raise InputError(f"{path}: extent must be four finite numbers x0,x1,y0,y1, not {list(extent)}")
-        x0, x1, y0, y1 = map(float, extent)
-        if x0 == x1 or y0 == y1:
-            raise InputError(f"{path}: extent {x0:g},{x1:g},{y0:g},{y1:g} has no area; give x0,x1,y0,y1")
-        x, y = np.linspace(x0, x1, cols), np.linspace(y0, y1, rows)
-    return RasterData(values, x, y, str(path), value_name=value_name)
-
-
-def _refuse_extent(path: Path, extent: Sequence[float] | None) -> None:
-    if extent is not None:
-        raise InputError(f"{path}: the file has its own coordinates; leave out extent")
+    return grid_from_rows(path, table[:, columns], lines, names, fill)
 
 
 def _refuse_value(path: Path, value: str | None) -> None:

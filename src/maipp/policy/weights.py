@@ -109,6 +109,7 @@ def _read_card(path: Path) -> dict[str, Any]:
     content = _read(path)
     try:
         card = json.loads(content)
+        json.dumps(card, allow_nan=False)  # Python reads NaN and 1e999, which are no JSON and no results
     except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, nested too deeply
         raise InputError(f"{path}: not JSON, or cut short: {error}") from None
     if not isinstance(card, dict):

@@ -9,14 +9,14 @@ import jax
 import numpy as np
 from jax import lax
 
-from maipp.belief import Matern32, condition, mutual_information, trace
+from maipp.belief import PriorSamples, condition, mutual_information, trace
 from maipp.belief.interest import upper_confidence_bound
 from maipp.fields import evaluation_grid
 from maipp.fields.raster import Mapping
 from maipp.scenario import Scenario
 from maipp.simulator.engine import time_tolerance
 from maipp.simulator.episode_units import Units
-from maipp.simulator.metrics import interest_of
+from maipp.simulator.metrics import interest_of, kernel_of
 from maipp.simulator.mission import Mission
 from maipp.simulator.state import State
 from maipp.typing import Array, Bool, Float, Int
@@ -45,7 +45,7 @@ class AgentRecord:
 
 @dataclass(frozen=True, eq=False)
 class EpisodeMetrics:
-    """Quality of one survey; every number follows from the recorded measurements alone."""
+    """Quality of one survey; every number follows from the recorded measurements and prior samples alone."""
 
     trace: float  # Tr(P_f) of the team's pooled belief over the predicted high-interest area
     own_trace: Float[np.ndarray, " m"]  # the same of each agent's own belief
@@ -81,6 +81,7 @@ class Episode:
     message_bytes: int  # size of the message sent with every decision
     mapping: Mapping | None = None  # to the coordinates and units of the file the field was read from
     recorded: EpisodeMetrics | None = field(default=None, repr=False)  # metrics as read from a file
+    prior: PriorSamples | None = None  # samples taken before the survey, which all beliefs are conditioned on
 
     @classmethod
     def from_state(
@@ -97,9 +98,9 @@ class Episode:
         """The record of mission `index` of a finished batch (leading axis b on every array)."""
         host: Any = jax.device_get(states)
         world: Any = jax.device_get(
-            (missions.start, missions.budgets, missions.speeds, missions.truth, missions.inside)
+            (missions.start, missions.budgets, missions.speeds, missions.truth, missions.inside, missions.prior)
         )
-        start, budgets, speeds, truth, inside = (array[index] for array in world)
+        start, budgets, speeds, truth, inside, prior = jax.tree.map(lambda array: array[index], world)
         waypoints = host.leg.shape[-2] - 1
         agents = []
         for agent in range(scenario.agents):
@@ -126,7 +127,19 @@ class Episode:
             )
         batch = host.route.shape[0]
         size = sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(host.messages)) // (batch * scenario.agents)
-        return cls(scenario, planner_name, dict(options), seed, index, tuple(agents), truth, inside, size, mapping)
+        return cls(
+            scenario,
+            planner_name,
+            dict(options),
+            seed,
+            index,
+            tuple(agents),
+            truth,
+            inside,
+            size,
+            mapping,
+            prior=prior,
+        )
 
     @cached_property
     def metrics(self) -> EpisodeMetrics:
@@ -193,7 +206,9 @@ class Episode:
         padded = np.zeros((-len(masks) % _BELIEFS_PER_CALL + len(masks), masks.shape[1]), bool)
         padded[: len(masks)] = masks
         blocks = [
-            jax.device_get(_grid_beliefs(self.scenario, x.reshape(-1, 2), y.reshape(-1), self.inside, block))
+            jax.device_get(
+                _grid_beliefs(self.scenario, x.reshape(-1, 2), y.reshape(-1), self.inside, block, self.prior)
+            )
             for block in padded.reshape(-1, _BELIEFS_PER_CALL, masks.shape[1])
         ]
         return GridBeliefs(*(np.concatenate(rows)[: len(masks)] for rows in zip(*blocks, strict=True)))
@@ -205,7 +220,7 @@ def shortest(value: np.generic) -> float:
 
 
 def replay(episode: Episode) -> EpisodeMetrics:
-    """The metrics, computed from the recorded measurements."""
+    """The metrics, computed from the recorded measurements and prior samples."""
     scenario = episode.scenario
     times = np.append(np.zeros(1, episode.truth.dtype), episode.measurement_instants())
     # Simultaneous measurements differ by rounding; each instant includes all of its own.
@@ -214,7 +229,9 @@ def replay(episode: Episode) -> EpisodeMetrics:
     interesting = (episode.truth >= scenario.threshold) & inside
     x, y, time = episode._slots()
     taken = np.isfinite(time).reshape(-1)
-    information: Any = jax.device_get(_information(scenario, x.reshape(-1, 2), y.reshape(-1), taken, pooled.area[-1]))
+    information: Any = jax.device_get(
+        _information(scenario, x.reshape(-1, 2), y.reshape(-1), taken, pooled.area[-1], episode.prior)
+    )
     return EpisodeMetrics(
         trace=shortest(pooled.trace[-1]),
         own_trace=episode.own_beliefs().trace,
@@ -233,17 +250,22 @@ def _grid_beliefs(
     y: Float[Array, " n"],
     inside: Bool[Array, " q"],
     masks: Bool[Array, "k n"],
+    prior: PriorSamples | None,
 ) -> tuple[Array, ...]:
     """The rows of `GridBeliefs` for the measurements in each mask, one after the other."""
-    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    kernel, interest = kernel_of(scenario), interest_of(scenario)
     grid = evaluation_grid(scenario.grid, scenario.extent)
-    interest = interest_of(scenario)
+    process = None if prior is None else prior.process(kernel, x, grid, scenario.noise)
 
     def one(mask: Bool[Array, " n"]) -> tuple[Array, ...]:
-        belief = condition(kernel, x, y, mask, grid, scenario.noise)
-        bound = upper_confidence_bound(belief.mean, belief.variance, interest.beta, interest.rule)
-        area = interest.area(belief.mean, belief.variance, inside)
-        return belief.mean, belief.variance, bound, area, trace(belief.variance, area)
+        if process is None:
+            belief = condition(kernel, x, y, mask, grid, scenario.noise)
+            mean, variance = belief.mean, belief.variance
+        else:
+            mean, variance = process.given(y, mask, scenario.noise)
+        bound = upper_confidence_bound(mean, variance, interest.beta, interest.rule)
+        area = interest.area(mean, variance, inside)
+        return mean, variance, bound, area, trace(variance, area)
 
     return lax.map(one, masks)
 
@@ -255,8 +277,11 @@ def _information(
     y: Float[Array, " n"],
     mask: Bool[Array, " n"],
     area: Bool[Array, " q"],
+    prior: PriorSamples | None,
 ) -> Float[Array, ""]:
     """Mutual information over `area` after the measurements in the mask."""
-    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    extra_noise = None
+    if prior is not None:
+        x, y, mask, extra_noise = prior.after(x, y, mask, scenario.noise)
     grid = evaluation_grid(scenario.grid, scenario.extent)
-    return mutual_information(condition(kernel, x, y, mask, grid, scenario.noise), area)
+    return mutual_information(condition(kernel_of(scenario), x, y, mask, grid, scenario.noise, extra_noise), area)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from maipp.belief import PriorSamples
 from maipp.errors import InputError
 from maipp.fields.raster import Mapping
 from maipp.files import write_atomic
@@ -48,6 +49,7 @@ def dump_episode(episode: Episode) -> str:
             "curve": {"time": _plain(metrics.curve_time), "trace": _plain(metrics.curve_trace)},
         },
         "message_bytes": episode.message_bytes,
+        **({} if episode.prior is None else {"prior": _prior(episode.prior)}),
         "agents": [_agent(agent) for agent in episode.agents],
         "truth": _plain(episode.truth.reshape(side, side)),
         "outside": np.flatnonzero(~episode.inside).tolist(),
@@ -98,7 +100,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
     return Episode(
         scenario=scenario,
         planner=record["planner"]["name"].text(),
-        options=record["planner"]["options"].mapping(),
+        options=_options(record["planner"]["options"]),
         seed=record["seed"].whole(),
         index=record["index"].whole(),
         agents=agents,
@@ -106,6 +108,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
         inside=inside,
         message_bytes=record["message_bytes"].whole(),
         mapping=_read_mapping(record["mapping"], scenario),
+        prior=_read_prior(record["prior"], real) if "prior" in record.mapping() else None,
         recorded=EpisodeMetrics(
             trace=metrics["trace"].number(),
             own_trace=metrics["own_trace"].numbers(real, team),
@@ -175,9 +178,25 @@ def _agent(agent: AgentRecord) -> dict[str, Any]:
     }
 
 
+def _prior(prior: PriorSamples) -> dict[str, Any]:
+    places = _plain(np.asarray(prior.x).T)
+    noise = None if prior.noise is None else _plain(np.asarray(prior.noise))
+    return {"x": places[0], "y": places[1], "value": _plain(np.asarray(prior.y)), "noise": noise}
+
+
 def _plain(array: np.ndarray) -> list:
     """Nested lists of the shortest decimals that read back as these numbers."""
     return [_plain(row) if array.ndim > 1 else shortest(row) for row in array]
+
+
+def _options(key: Key) -> dict[str, Any]:
+    """The planner's options, which are as the planner wrote them: any JSON."""
+    options = key.mapping()
+    try:
+        json.dumps(options, allow_nan=False)
+    except ValueError:  # Python reads NaN and 1e999, and would not write them again
+        key.wrong("holds a number that is not finite")
+    return options
 
 
 def _scenario(key: Key) -> Scenario:
@@ -221,6 +240,17 @@ def _read_agent(key: Key, scenario: Scenario, real: np.dtype) -> AgentRecord:
         measurement_time=measurement_time,
         known=key["known"].wholes(scenario.agents),
     )
+
+
+def _read_prior(key: Key, real: np.dtype) -> PriorSamples:
+    values = key["value"].numbers(real)
+    count = len(values)
+    if not count:
+        key["value"].wrong("is empty; leave prior out where there are no samples")
+    noise = None if key["noise"].value is None else key["noise"].numbers(real, count)
+    if noise is not None and (noise < 0).any():
+        key["noise"].wrong("goes below 0; it is the variance of a sample's noise")
+    return PriorSamples(np.stack([key[name].numbers(real, count) for name in "xy"], axis=-1), values, noise)
 
 
 def _check_known(key: Key, agents: tuple[AgentRecord, ...]) -> None:

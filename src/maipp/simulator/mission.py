@@ -15,6 +15,7 @@ from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
+from maipp.simulator.prior_checks import prior_arrays
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
@@ -110,7 +111,7 @@ def draw_missions(
     all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the scenario's.
     Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
     """
-    samples = checked_prior(prior, prior_noise)
+    samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
     grid, fields, truth, draws = drawn
@@ -139,38 +140,8 @@ def draw_missions(
         budgets=every(np.asarray(scenario.budgets)),
         speeds=every(np.asarray(scenario.speeds)),
         roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
-        prior_x=None if samples is None else every(samples.x),
-        prior_y=None if samples is None else every(samples.y),
-        prior_noise=None if samples is None or samples.noise is None else every(samples.noise),
+        **{name: every(array) for name, array in samples.items()},
     )
-
-
-def checked_prior(prior: Any, noise: Any = None) -> PriorSamples | None:
-    """The prior samples as `draw_missions` takes them, on the host and at JAX's precision; None where there are none.
-
-    Raises InputError for shapes that do not match, numbers that are not finite, and noise below 0.
-    """
-    if prior is None or not np.size(prior[1]):
-        return None
-    x, y = (np.asarray(array, np.float64) for array in prior)
-    if y.ndim != 1 or x.shape != (len(y), 2):
-        raise InputError(f"prior: positions {x.shape} and values {y.shape} do not match; give (p, 2) and (p,)")
-    spread = None if noise is None else np.asarray(noise, np.float64)
-    if spread is not None and spread.shape not in ((), y.shape):
-        raise InputError(f"prior_noise: has shape {spread.shape}; give one number, or one for each of {len(y)} samples")
-    if spread is not None and not (spread >= 0).all():
-        raise InputError("prior_noise: must be 0 or more; it is the variance of a sample's noise")
-    real = jnp.result_type(float)
-    with np.errstate(over="ignore"):  # told below, in words
-        arrays = [None if array is None else array.astype(real) for array in (x, y, spread)]
-    for name, array in zip(("prior positions", "prior values", "prior_noise"), arrays, strict=True):
-        if array is not None and not np.isfinite(array).all():
-            where = np.argwhere(~np.isfinite(array))[0]
-            place = f" of sample {where[0]}" if len(where) else ""
-            raise InputError(f"{name}: not a finite number{place}; leave out samples without a value")
-    x, y, spread = arrays
-    assert x is not None and y is not None
-    return PriorSamples(x, y, None if spread is None else np.broadcast_to(spread, y.shape))
 
 
 def _draw_roadmaps(

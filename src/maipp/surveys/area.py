@@ -4,6 +4,7 @@ Everything here is in local metres.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,7 +132,8 @@ def _shrink(true: BaseGeometry, clearance: float, longest: float) -> tuple[list[
         opened = shapely.buffer(core, neck, quad_segs=_QUADRANT)
         parts = [part for part in shapely.get_parts(opened) if isinstance(part, Polygon)]
         # Islands survive: the simplification keeps the topology, and an island has grown by the shift.
-        parts = [_valid(part.simplify(tolerance)) for part in parts if part.area > (4 * tolerance) ** 2]
+        simple = [part.simplify(tolerance) for part in parts if part.area > (4 * tolerance) ** 2]
+        parts = [_valid(part) for part in simple if isinstance(part, Polygon)]
         count = max((shapely.get_num_coordinates(part) for part in parts), default=0)
         if count <= MOST_VERTICES or tolerance >= longest * _COARSEST:
             return parts, shift + neck, clearance + tolerance
@@ -194,6 +196,6 @@ def _square(area: float) -> str:
     return f"{area:.0f} m2" if area < 1e6 else f"{area / 1e6:.4g} km2"
 
 
-def as_region(polygons: list[Polygon]) -> BaseGeometry:
+def as_region(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of polygons; empty without any."""
     return shapely.union_all(polygons) if polygons else MultiPolygon()

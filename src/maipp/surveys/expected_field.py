@@ -20,11 +20,13 @@ class ExpectedField(eqx.Module):
     kernel: Matern32
 
     @classmethod
-    def of(cls, scenario: Scenario, x: Float[np.ndarray, "p 2"], y: Float[np.ndarray, " p"]) -> "ExpectedField":
-        """The mean after samples `y` at `x` (domain units, standardised), solved in float64."""
+    def of(
+        cls, scenario: Scenario, x: Float[np.ndarray, "p 2"], y: Float[np.ndarray, " p"], *, noise: float
+    ) -> "ExpectedField":
+        """The mean after samples `y` at `x` (domain units, standardised; noise variance), solved in float64."""
         if len(y):
             gram = _matern(np.linalg.norm(x[:, None] - x[None], axis=-1), scenario)
-            factor = cho_factor(gram + scenario.noise * np.eye(len(y)), lower=True)
+            factor = cho_factor(gram + noise * np.eye(len(y)), lower=True)
             weights = cho_solve(factor, y)
         else:  # one without weight: batches take no arrays without elements
             x, weights = np.zeros((1, 2)), np.zeros(1)

@@ -20,7 +20,7 @@ def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Ep
     """
     planner = prepared.make_planner()
     seed = prepared.survey.seed if seed is None else seed
-    field = ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y)
+    field = ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y, noise=prepared.prior_noise)
     missions = draw(prepared, planner, seed=seed, instances=1, field=field)
     states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, jax.random.key(seed)))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
@@ -33,7 +33,6 @@ def draw(
     prepared: PreparedSurvey, planner: Planner, *, seed: int, instances: int, trials: int = 1, field: Any = None
 ) -> Mission:
     """Missions of a survey, conditioned on its samples. Raises `InputError` where there is no way to go."""
-    given = {} if prepared.prior is None else {"prior": prepared.prior}
     try:
         return draw_missions(
             prepared.scenario,
@@ -43,7 +42,8 @@ def draw(
             roadmaps=planner.uses_roadmap,
             encodings=planner.encoding_dimensions,
             field=field,
-            **given,
+            prior=prepared.prior,
+            prior_noise=None if prepared.prior is None else prepared.prior_noise,
         )
     except InputError as error:
         raise InputError(f"{prepared.survey.where('area')}: {error}") from None

@@ -35,6 +35,7 @@ class Prior:
     noise: float  # standardised variance
     x: Float[np.ndarray, "p 2"]  # old samples, domain units
     y: Float[np.ndarray, " p"]  # standardised values
+    sample_noise: float  # standardised variance of the samples' noise
     fit: Any  # belief.fit.KernelFit, or None without samples
     warnings: tuple[str, ...]
 
@@ -73,16 +74,22 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
         noise = fit.noise_variance / std**2
     else:
         noise = _ASSUMED_NOISE
+    sample_noise = noise if fit is None else fit.noise_variance / std**2
     domain = (x - frame.origin) / frame.metres_per_unit
     return Prior(
         frame=frame,
         length_scale=scale,
-        noise=float(min(max(noise, _LEAST_NOISE), 1e6)),
+        noise=_bounded(noise),
         x=domain,
         y=np.asarray(frame.to_domain_values(values)),
+        sample_noise=_bounded(sample_noise),
         fit=fit,
         warnings=tuple(warnings),
     )
+
+
+def _bounded(noise: float) -> float:
+    return float(min(max(noise, _LEAST_NOISE), 1e6))
 
 
 def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float, list[str]]:
@@ -126,6 +133,8 @@ def _samples(
     samples = load_samples(path, **survey.samples.columns)
     user = np.stack([np.asarray(samples.x, np.float64), np.asarray(samples.y, np.float64)], axis=-1)
     values = np.asarray(samples.value, np.float64)
+    if samples.dropped:
+        warnings.append(f"{path.name}: {samples.dropped} lines without a position or a value left out")
     frame = place.frame
     if frame.geographic:
         check_degrees(user, str(path))
@@ -135,7 +144,7 @@ def _samples(
     if not inside:
         hint = "are its columns swapped, or its coordinates of another kind than the area's?"
         raise InputError(f"{path}: none of its {len(user)} samples lies in the area; {hint}")
-    near = distance <= _reach(place)
+    near = np.asarray(distance <= _reach(place))
     if not near.all():
         warnings.append(f"{path.name}: {int((~near).sum())} of {len(near)} samples lie far from the area; left out")
     return metres[near], values[near]

@@ -32,7 +32,8 @@ def raster_polygons(source: RasterArea, *, geographic: bool) -> list[Polygon]:
     lowest = min(float(values.min()), level) - 1.0
     axes = Figure().add_subplot()
     (path,) = axes.contourf(data.x, data.y, values, levels=[lowest, level]).get_paths()
-    rings = [Polygon(ring) for ring in path.to_polygons(closed_only=True) if len(ring) >= 4]
+    outlines = [np.asarray(ring) for ring in path.to_polygons(closed_only=True)]
+    rings = [Polygon(ring) for ring in outlines if len(ring) >= 4]
     # Outer rings and holes come without saying which is which: what lies in an even number of rings is outside.
     valid = [ring if ring.is_valid else ring.buffer(0) for ring in rings]
     region = functools.reduce(_exclusive, sorted(valid, key=lambda ring: -ring.area))

@@ -34,9 +34,9 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None)
     low, high = np.array([data.x[0], data.y[0]]), np.array([data.x[-1], data.y[-1]])
     # Half a cell beyond: values of a map stand for their cells.
     half = (high - low) / (np.array([len(data.x), len(data.y)]) - 1) / 2
-    covered = ((user >= low - half) & (user <= high + half)).all(axis=-1)
+    covered = np.asarray(np.all((user >= low - half) & (user <= high + half), axis=-1))
     metres = domain * frame.metres_per_unit + frame.origin
-    inside = shapely.intersects_xy(prepared.region, metres[..., 0], metres[..., 1])
+    inside = np.asarray(shapely.intersects_xy(prepared.region, metres[..., 0], metres[..., 1]))
     share = float(covered[inside].mean()) if inside.any() else float(covered.mean())
     if share < _LEAST_COVERED:
         raise InputError(

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from maipp.files import atomic_path
 from maipp.surveys.rehearsal import RehearsalResult
-from maipp.surveys.rehearsal_report import spread
+from maipp.surveys.spread import spread
 from maipp.viz.style import LARGE, MEDIUM, SMALL, agent_colour, new_figure
 
 

@@ -4,7 +4,6 @@ import csv
 import io
 import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from rich import box
@@ -12,31 +11,14 @@ from rich.table import Table
 
 from maipp.files import write_atomic
 from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam
+from maipp.surveys.rehearsal_figure import save_figure
+from maipp.surveys.spread import Spread, spread
 from maipp.typing import Float
 
 # An improvement below this share is called small, however sure.
 _CLEAR = 0.10
 # Standard errors of the paired differences from which a difference is told as one.
 _SURE = 2.0
-
-
-class Spread(NamedTuple):
-    """One measure over all fields; NaN values (nothing of high interest) left out."""
-
-    mean: float
-    std: float
-    low: float  # 10th percentile
-    high: float  # 90th
-
-
-def spread(values: Float[np.ndarray, " f"]) -> Spread:
-    """Mean, standard deviation and the range of the middle 80 %; NaN throughout where no value counts."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return Spread(*[math.nan] * 4)
-    std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-    low, high = np.percentile(values, [10, 90])
-    return Spread(float(values.mean()), std, float(low), float(high))
 
 
 _COLUMNS = ("planner", "robots", "field", "trace", "trace_before", "trace_share", "rmse", "rmse_before")
@@ -57,8 +39,8 @@ def to_csv(result: RehearsalResult) -> str:
     return text.getvalue()
 
 
-def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
-    """The cells of the table, its heading first: means, standard deviations, 10-90 % ranges."""
+def rows(result: RehearsalResult, between: str = " ") -> list[tuple[str, ...]]:
+    """The cells of the table, its heading first: mean and standard deviation, `between`, and the 10-90 % range."""
     unit = f" ({result.survey.unit})" if result.survey.unit else ""
     table = [("planner", "robots", "Tr(P)", "of initial", f"RMSE{unit}", "found", "minutes")]
     for team in result.teams:
@@ -66,10 +48,10 @@ def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
             (
                 team.planner,
                 str(team.robots),
-                _cell(spread(team.trace)),
-                _cell(spread(team.trace_share), percent=True),
-                _cell(spread(team.rmse)),
-                _cell(spread(team.found), percent=True),
+                _cell(spread(team.trace), between),
+                _cell(spread(team.trace_share), between, percent=True),
+                _cell(spread(team.rmse), between),
+                _cell(spread(team.found), between, percent=True),
                 f"{spread(team.minutes).mean:.0f}",
             )
         )
@@ -78,11 +60,11 @@ def rows(result: RehearsalResult) -> list[tuple[str, ...]]:
 
 def summary_table(result: RehearsalResult) -> Table:
     """The table for a terminal."""
-    heading, *lines = rows(result)
+    heading, *lines = rows(result, between="\n")
     caption = "mean \u00b1 standard deviation over fields (10 % to 90 %)"
     table = Table(title=_title(result), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for index, name in enumerate(heading):
-        table.add_column(name, justify="left" if index == 0 else "right")
+        table.add_column(name, justify="left" if index == 0 else "right", no_wrap=True)
     for line in lines:
         table.add_row(*line)
     return table
@@ -161,14 +143,15 @@ def _robots(count: int) -> str:
     return f"{count} robot{'s' if count > 1 else ''}"
 
 
-def _cell(values: Spread, *, percent: bool = False) -> str:
+def _cell(values: Spread, between: str, *, percent: bool = False) -> str:
     if math.isnan(values.mean):
         return "-"
 
     def number(value: float) -> str:
         return f"{value:.0%}" if percent else f"{value:.3g}"
 
-    return f"{number(values.mean)} \u00b1 {number(values.std)} ({number(values.low)} to {number(values.high)})"
+    middle = f"{number(values.mean)} \u00b1 {number(values.std)}"
+    return f"{middle}{between}({number(values.low)} to {number(values.high)})"
 
 
 def _title(result: RehearsalResult) -> str:
@@ -195,8 +178,6 @@ def markdown(result: RehearsalResult) -> str:
 
 def write_report(result: RehearsalResult, folder: Path) -> list[str]:
     """Write rehearsal.csv, rehearsal.md and rehearsal.png to the folder; gives their names."""
-    from maipp.surveys.rehearsal_figure import save_figure
-
     write_atomic(folder / "rehearsal.csv", to_csv(result))
     write_atomic(folder / "rehearsal.md", markdown(result))
     save_figure(result, folder / "rehearsal.png")

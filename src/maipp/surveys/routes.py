@@ -1,34 +1,48 @@
 """The routes of a planned survey in the user's coordinates, as mission files hold them."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from maipp.errors import InputError
+from maipp.missions.route_plan import Route, RoutePlan
 from maipp.simulator.episode import AgentRecord, Episode
 from maipp.surveys.frame import Frame
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
-if TYPE_CHECKING:
-    from maipp.missions.route_plan import RoutePlan
 
-
-def route_plan(prepared: PreparedSurvey, episode: Episode) -> "RoutePlan":
+def route_plan(prepared: PreparedSurvey, episode: Episode) -> RoutePlan:
     """What to load on the robots: the episode's routes, with the area and the zones.
 
     Raises `InputError` for a route that leaves the area, which a planner of the user's own may have made.
     """
-    from maipp.missions.route_plan import Route, RoutePlan
-
     check_routes(prepared, episode)
     routes = []
     for robot, agent in zip(prepared.survey.robots, episode.agents, strict=True):
         points, times = vertices(prepared, agent)
         measured = prepared.frame.to_user(agent.measurement_x)
         routes.append(Route(robot.name, points, times, robot.speed, measured))
+    return _plan(prepared, routes)
+
+
+def check_files(prepared: PreparedSurvey) -> None:
+    """Raise `InputError` for names and areas that mission files cannot hold, before minutes of planning."""
+    starts = prepared.frame.to_user(np.array(prepared.scenario.starts))
+    try:
+        _plan(
+            prepared,
+            [
+                Route(robot.name, start[None], np.zeros(1), robot.speed)
+                for robot, start in zip(prepared.survey.robots, starts, strict=True)
+            ],
+        )
+    except InputError as error:
+        raise InputError(f"{prepared.survey.source}: {error}") from None
+
+
+def _plan(prepared: PreparedSurvey, routes: list[Route]) -> RoutePlan:
     return RoutePlan(
         title=prepared.survey.name,
         routes=tuple(routes),

@@ -54,8 +54,9 @@ class PreparedSurvey:
     region: Polygon  # where routes may go, local metres
     margin: float  # metres that routes keep from everything they must not cross, at least
     area: Float[np.ndarray, "v 2"]  # border of the area, user coordinates
-    no_go: tuple[Float[np.ndarray, "w 2"], ...]  # borders of what must not be entered, user coordinates
+    no_go: tuple[Float[np.ndarray, "_ 2"], ...]  # borders of what must not be entered, user coordinates
     warnings: tuple[str, ...]
+    prior_noise: float  # standardised variance of the old samples' noise
 
     def make_planner(self) -> "Planner":
         """The planner, built for the scenario. Raises `InputError` for a planner or option that does not fit."""
@@ -105,6 +106,7 @@ def prepare(
         area=area,
         no_go=no_go,
         warnings=tuple(warnings),
+        prior_noise=prior.sample_noise,
     )
 
 
@@ -221,7 +223,7 @@ def _thinned(prior: Prior, warnings: list[str]) -> tuple[Float[np.ndarray, "p 2"
     return prior.x[kept], prior.y[kept]
 
 
-def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "w 2"], ...]]:
+def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "_ 2"], ...]]:
     """The border of the area's part that is surveyed, and of what must not be entered, user coordinates."""
     point = space.region.representative_point()
     parts = [part for part in shapely.get_parts(place.area) if isinstance(part, Polygon)]
@@ -233,9 +235,10 @@ def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], 
     tolerance = space.margin / 2
 
     def ring(polygon: Polygon) -> Float[np.ndarray, "v 2"]:
+        border = Polygon(polygon.exterior)
         if len(polygon.exterior.coords) > _MOST_FENCE:
-            polygon = polygon.simplify(tolerance)
-        points = place.frame.from_metres(shapely.get_coordinates(polygon.exterior))
+            border = border.simplify(tolerance)
+        points = place.frame.from_metres(shapely.get_coordinates(border))
         if place.frame.geographic:
             points = unwrap(points, place.frame.centre[0])
         # Positions that only the projection needed lie on straight lines again.

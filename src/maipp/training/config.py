@@ -1,6 +1,7 @@
 """How a policy is trained: every number of it, named, checked, and round-tripping through YAML."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,6 +59,11 @@ class TrainConfig:
     checkpoint_seconds: float = 120.0
 
     def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            numbers = value if isinstance(value, tuple) else (value,)
+            if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
+                raise InputError(f"training: {field.name}: {value}; give finite numbers")
         least = {"agents": 1, "bank": 1, "shards": 1, "missions": 1, "events": 2, "epochs": 1, "minibatch": 1}
         least |= {"search": 0, "search_paths": 1, "elites": 1}
         least |= {"paths": 1, "steps": 1, "imitation": 0, "updates": 1, "evaluate_every": 1, "evaluate_instances": 1}

@@ -74,7 +74,10 @@ def override(config: TrainConfig, assignments: Iterable[str]) -> TrainConfig:
 
 def _read(given: Mapping[str, object], where: str) -> dict[str, Any]:
     """The values as the configuration has them."""
-    read = read_options(TrainConfig, given, where=where)
+    try:
+        read = read_options(TrainConfig, given, where=where)
+    except OverflowError:  # a whole number of 400 digits
+        raise InputError(f"{where}: {', '.join(given)}: a number is too large to compute with") from None
     return {key: read[key] for key in given}
 
 

@@ -26,6 +26,7 @@ from maipp.viz.maps import (
     colour_bar,
     draw_field,
     draw_obstacles,
+    draw_prior,
     inside_only,
     map_size,
     outline_paths,
@@ -142,6 +143,7 @@ class Film:
             axes = bare_axes(self.figure, axes)
             image = draw_field(axes, episode, self._means[0], colours, limits)
             draw_obstacles(axes, episode)
+            draw_prior(axes, episode)
             self._maps.append(_Map(axes, image, episode))
         axes = add_axes(backdrop, _LEFT, _BOTTOM, whole[0] - _LEFT - _RIGHT, _CURVE)
         self._prepare_curve(axes)

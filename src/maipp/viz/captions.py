@@ -13,8 +13,9 @@ def headline(episode: Episode) -> str:
 
 
 def numbers_line(episode: Episode) -> str:
-    """Tr(P), RMSE (file units where there are any) and how many measurements gave them."""
+    """Tr(P), RMSE (file units where there are any) and how many measurements and prior samples gave them."""
     metrics = episode.metrics
     count = sum(len(agent.measurement_y) for agent in episode.agents)
+    prior = "" if episode.prior is None else f", {len(episode.prior.y)} prior samples"
     error = float(episode.units.std(metrics.rmse))
-    return f"Tr(P) = {metrics.trace:.3g}   RMSE = {error:.3g}   {count} measurements"
+    return f"Tr(P) = {metrics.trace:.3g}   RMSE = {error:.3g}   {count} measurements{prior}"

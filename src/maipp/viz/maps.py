@@ -28,6 +28,7 @@ from maipp.viz.style import (
 )
 
 _OBSTACLE_LOOK: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": OBSTACLE_COLOUR, "lw": 0.8, "hatch": "////"}
+_PRIOR_LOOK: dict[str, Any] = {"ls": "", "marker": "+", "ms": 4.0, "mec": GREY, "mew": 0.8}
 
 # What is drawn on top of what.
 FIELD, AREA, OBSTACLE, ROUTE, MARKER = 0, 1, 2, 3, 4
@@ -58,6 +59,7 @@ def prepare_map(axes: Axes, episode: Episode, title: str, *, x_label: bool = Tru
             axis.set_label_text(label, fontsize=SMALL)
     axes.ticklabel_format(useOffset=False, style="plain")
     draw_obstacles(axes, episode)
+    draw_prior(axes, episode)
 
 
 def draw_obstacles(axes: Axes, episode: Episode) -> None:
@@ -65,6 +67,14 @@ def draw_obstacles(axes: Axes, episode: Episode) -> None:
     for polygon in episode.scenario.obstacles:
         places = episode.units.points(np.array(polygon))
         axes.add_patch(Polygon(places, zorder=OBSTACLE, **_OBSTACLE_LOOK))
+
+
+def draw_prior(axes: Axes, episode: Episode) -> None:
+    """The samples taken before the survey as small crosses; the more there are, the smaller."""
+    if episode.prior is not None:
+        places = episode.units.points(np.asarray(episode.prior.x))
+        size = min(_PRIOR_LOOK["ms"], max(1.5, 40.0 / math.sqrt(len(places))))
+        axes.plot(*places.T, path_effects=halo(1.6), zorder=OBSTACLE + 0.5, **(_PRIOR_LOOK | {"ms": size}))
 
 
 def as_picture(episode: Episode, values: np.ndarray) -> np.ndarray:
@@ -150,6 +160,8 @@ def legend_of(episode: Episode) -> list[Line2D | Patch]:
         Line2D([], [], marker="s", ms=5, mfc=GREY, mew=0.8, label="end", **marker),
         Line2D([], [], marker="o", ms=3.5, mfc=GREY, ls="", mec="white", mew=0.4, label="measurement"),
     ]
+    if episode.prior is not None:
+        entries.append(Line2D([], [], label="prior sample", **_PRIOR_LOOK))
     if episode.scenario.obstacles:
         entries.append(Patch(label="obstacle", **_OBSTACLE_LOOK))
     return entries

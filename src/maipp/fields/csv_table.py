@@ -1,0 +1,115 @@
+"""CSV text as people have it, split into a header and cells: several separators and encodings, comments, quotes."""
+
+import csv
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from maipp.errors import InputError
+from maipp.fields.raster_data import X_NAMES, Y_NAMES
+
+_SEPARATORS = (";", "\t", ",")
+_DIGIT_FIRST = re.compile(r"[+-]?[.,]?\d")
+
+
+class CsvTable(NamedTuple):
+    """The cells of a CSV file, stripped; every row has as many as the header."""
+
+    path: Path
+    header: list[str] | None  # None where the first line holds numbers
+    header_line: int  # the line that the header stands on; 0 without one
+    rows: list[list[str]]  # at least one
+    lines: list[int]  # the line that each row begins on, counting from 1
+    decimal_comma: bool  # whether a comma in a cell may be a decimal one
+
+
+def read_table(path: Path) -> CsvTable:
+    """The table in a text file. Raises InputError naming file and line for anything that is none."""
+    text = _text(path)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    separator: str | None = None
+    if lines and lines[0][1].strip().strip('"').lower() in {f"sep={mark}" for mark in _SEPARATORS}:
+        separator = lines[0][1].strip().strip('"')[-1]  # a spreadsheet's own hint
+        lines = lines[1:]
+    comments = [(number, line.lstrip().lstrip("#")) for number, line in lines if line.lstrip().startswith("#")]
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
+    if not lines:
+        raise InputError(f"{path}: the file is empty; no line of samples in it")
+    if separator is None:
+        separator = next((mark for mark in _SEPARATORS if mark in lines[0][1]), None)
+    rows, numbers = [], []
+    try:
+        for number, cells in _rows(lines, separator):
+            while cells and len(cells) > (len(rows[0]) if rows else len(cells)) and not cells[-1]:
+                cells.pop()  # spreadsheets end lines with empty cells
+            rows.append(cells)
+            numbers.append(number)
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from None
+    header, header_line = None, 0
+    if not any(_DIGIT_FIRST.match(cell) for cell in rows[0]):
+        header, header_line = rows.pop(0), numbers.pop(0)
+    elif (named := _commented_header(comments, separator, len(rows[0]), numbers[0])) is not None:
+        header_line, header = named
+    if not rows:
+        raise InputError(f"{path}: there is no line of samples below the header")
+    width = len(header or rows[0])
+    for number, cells in zip(numbers, rows, strict=True):
+        if len(cells) != width:
+            comma = separator == "," and len(cells) > width
+            hint = "; numbers with a decimal comma need a semicolon between the columns" if comma else ""
+            raise InputError(f"{path}, line {number}: {len(cells)} columns where {width} are named{hint}")
+    return CsvTable(path, header, header_line, rows, numbers, separator in (";", "\t"))
+
+
+def _text(path: Path) -> str:
+    """The file's text: UTF-8 or UTF-16, and else what old spreadsheets write."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252", "latin-1"):
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+        break
+    raise InputError(f"{path}: not text; save it as a plain CSV")
+
+
+def _rows(lines: list[tuple[int, str]], separator: str | None) -> Iterator[tuple[int, list[str]]]:
+    """Cells of each row, and the line that it begins on."""
+    if separator is None:
+        for number, line in lines:
+            yield number, [cell.strip("\"'") for cell in line.split()]
+        return
+    begun: list[int] = []
+
+    def texts() -> Iterator[str]:
+        for number, line in lines:
+            begun.append(number)
+            yield line + "\n"
+
+    # A quoted cell may go on over several lines; the row begins on the first of them.
+    for cells in csv.reader(texts(), delimiter=separator, skipinitialspace=True):
+        first = begun[0]
+        begun.clear()
+        yield first, [cell.strip().strip("\"'").strip() for cell in cells]
+
+
+def _commented_header(
+    comments: list[tuple[int, str]], separator: str | None, width: int, before: int
+) -> tuple[int, list[str]] | None:
+    """A header behind a comment sign above the numbers: one that names as many columns, x and y among them."""
+    for number, line in reversed(comments):
+        cells = [cell.strip().strip("\"'") for cell in line.split(separator)]
+        lower = {cell.lower() for cell in cells}
+        if number < before and len(cells) == width and lower & set(X_NAMES) and lower & set(Y_NAMES):
+            return number, cells
+    return None
