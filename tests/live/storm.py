@@ -169,11 +169,15 @@ def _along(path: np.ndarray, share: float) -> np.ndarray:
 
 
 def disordered(events: list[dict[str, Any]], rng: np.random.Generator, copies: float) -> list[dict[str, Any]]:
-    """All events and copies of some, so that copies are that part of the whole; near ones in disorder, some far off."""
+    """All events and copies of some, so that copies are that part of the whole; near ones in disorder, some far off.
+
+    Arrivals stay within a hundred places: one from far ahead makes all those before it late, and nothing to decide.
+    """
     extra = round(len(events) * copies / (1 - copies))
     index = np.concatenate([np.arange(len(events)), rng.integers(len(events), size=extra)])
     place = index + rng.uniform(0, 100, len(index))
-    far = rng.random(len(index)) < 0.2
+    stays = np.array([events[i].get("event") == "arrived" for i in index])
+    far = (rng.random(len(index)) < 0.2) & ~stays
     place[far] = rng.uniform(0, len(events), far.sum())
     return [events[i] for i in index[np.argsort(place)]]
 

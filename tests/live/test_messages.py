@@ -15,9 +15,14 @@ OWN = Units((1.0, 1.0))
 F = np.float32
 
 
+def told_by(kind, *arrays):
+    """A message as it comes from the device: host arrays in the planner's own type."""
+    return kind(*arrays)
+
+
 def legs():
     points = np.array([[0.1, 0.2], [0.3, 0.4], [0.0, 0.0]], F)
-    return Announcement(points, np.array([0.5, 1.5, np.inf], F))
+    return told_by(Announcement, points, np.array([0.5, 1.5, np.inf], F))
 
 
 @given(st.binary(min_size=36, max_size=36))
@@ -45,18 +50,18 @@ def test_a_text_of_another_message_is_refused(text):
 
 
 def test_an_intent_is_told_as_mean_and_covariance():
-    intent = Intent(np.array([0.5, 0.25], F), np.array([0.04, 0.0, 0.01], F))
+    intent = told_by(Intent, np.array([0.5, 0.25], F), np.array([0.04, 0.0, 0.01], F))
     told = describe(intent, OWN)
     assert told == {"mean": [0.5, 0.25], "covariance": [0.04, 0.0, 0.01], "packed": pack(intent)}
-    assert describe(Intent(np.full(2, np.nan, F), np.full(3, np.nan, F)), OWN) is None
+    assert describe(told_by(Intent, np.full(2, np.nan, F), np.full(3, np.nan, F)), OWN) is None
 
 
 def test_announced_measurements_are_told_as_far_as_they_go():
     told = describe(legs(), OWN)
     assert told == {"points": [[0.1, 0.2], [0.3, 0.4]], "times": [0.5, 1.5], "packed": pack(legs())}
-    joint = describe(TeamPlan(legs(), np.array(0.75, F)), OWN)
-    assert joint is not None and joint["remaining"] == 0.75 and joint["points"] == told["points"]
-    assert describe(Announcement(np.zeros((3, 2), F), np.full(3, np.inf, F)), OWN) is None
+    joint = describe(told_by(TeamPlan, legs(), np.array(0.75, F)), OWN)
+    assert joint is not None and told is not None and joint["remaining"] == 0.75 and joint["points"] == told["points"]
+    assert describe(told_by(Announcement, np.zeros((3, 2), F), np.full(3, np.inf, F)), OWN) is None
 
 
 def test_a_target_and_messages_of_other_planners():

@@ -209,6 +209,12 @@ def test_prior_samples_are_believed(make):
         answer = survey.belief([(0.2, 0.3), (0.8, 0.7)])
         assert answer["mean"] == pytest.approx([1.5, -0.5], abs=1e-3) and max(answer["std"]) < 0.01
         assert answer["measurements"] == 0
+    with make(prior=prior, prior_noise=0.25) as survey:
+        doubtful = survey.belief([(0.2, 0.3), (0.8, 0.7)])
+        # A variance of 1 and a noise of 0.25 leave 0.2, or a little less with another sample about.
+        assert 0.4 < min(doubtful["std"]) and max(doubtful["std"]) < 0.2**0.5
+        survey.handle(measured("m", (0.2, 0.3), 0.0, 1.0))
+        assert survey.belief([(0.2, 0.3)])["mean"] == pytest.approx([1.0], abs=1e-3)  # the robot's is exact
 
 
 def test_the_belief_is_that_of_the_measurements(make, measure):

@@ -27,6 +27,7 @@ def _moments(
         mask,
         points,
         scenario.noise,
+        world.extra_noise(len(y)),
         near=jnp.asarray(scenario.extent, x.dtype) / 2,
         reach=window_reach(scenario),
         capacity=scenario.belief_capacity,

@@ -56,6 +56,7 @@ def decide(world: World, situation: Situation) -> Outcome:
         situation.mask,
         world.grid,
         scenario.noise,
+        world.extra_noise(len(situation.y)),
         near=position,
         reach=window_reach(scenario),
         capacity=scenario.belief_capacity,

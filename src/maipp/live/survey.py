@@ -73,20 +73,21 @@ class LiveSurvey:
         robots: Sequence[str] | None = None,
         journal: str | os.PathLike[str] | None = None,
         prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None = None,
+        prior_noise: float | None = None,
         epoch: float = 0.0,
     ) -> "LiveSurvey":
         """A survey of a scenario; by default in its own units, with robots called robot1, robot2 and so on.
 
         `seed` draws starts where the scenario gives none, roadmaps, and the planner's randomness. `prior` are older
-        samples: domain positions and standardised values. Raises `InputError` for a planner, an option or a journal
-        that cannot be used.
+        samples: domain positions and standardised values, whose noise variance is `prior_noise`, or the scenario's.
+        Raises `InputError` for a planner, an option or a journal that cannot be used.
         """
         built = make_planner(planner, scenario, options)
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
         names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
         setup = make_setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
-        return cls(draw_world(built, seed), setup, journal)
+        return cls(draw_world(built, seed, len(setup.prior_y), prior_noise), setup, journal)
 
     @classmethod
     def from_prepared(
@@ -106,7 +107,7 @@ class LiveSurvey:
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
         setup = make_setup(built, name, options, seed, prepared.names, units, prepared.prior)
-        return cls(draw_world(built, seed), setup, journal)
+        return cls(draw_world(built, seed, len(setup.prior_y), prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32
@@ -33,6 +34,15 @@ class World(eqx.Module):
     speeds: Float[Array, " m"]  # domain units per second
     roadmap: Roadmap | None  # arrays (m, n, ...)
     key: Key
+    # Of the prior samples, which fill the first slots: how many, and their noise variance (None: the scenario's)
+    prior_count: int = eqx.field(static=True, default=0)
+    prior_noise: float | None = eqx.field(static=True, default=None)
+
+    def extra_noise(self, slots: int) -> Float[Array, " s"] | None:
+        """Noise variance of each slot beyond the scenario's; None where all have that one."""
+        if self.prior_noise is None or not self.prior_count:
+            return None
+        return jnp.where(jnp.arange(slots) < self.prior_count, self.prior_noise - self.scenario.noise, 0.0)
 
     @property
     def kernel(self) -> Matern32:
@@ -40,7 +50,7 @@ class World(eqx.Module):
         return self.planner.kernel
 
 
-def draw_world(planner: Planner, seed: int) -> World:
+def draw_world(planner: Planner, seed: int, prior_count: int = 0, prior_noise: float | None = None) -> World:
     """The world that the seed draws: starts where the scenario gives none, roadmaps, and the key of what is random."""
     drawn = draw_missions(
         planner.scenario,
@@ -59,6 +69,8 @@ def draw_world(planner: Planner, seed: int) -> World:
         speeds=mission.speeds,
         roadmap=mission.roadmap,
         key=jax.random.key(seed),
+        prior_count=prior_count,
+        prior_noise=prior_noise,
     )
 
 
@@ -85,6 +97,7 @@ class Setup:
             self.room,
             dataclasses.asdict(self.units),
             world.scenario.to_dict(),
+            world.prior_noise,
         ]
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
         drawn = (world.planner, world.grid, world.inside, world.start, world.speeds, world.roadmap)
