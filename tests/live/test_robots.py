@@ -9,7 +9,7 @@ BENT = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1]])
 
 
 def robot(leg=BENT, time=1.0, odometer=0.4, planned=0.0):
-    one = Robot("a", (0.0, 0.0), 0.5, 2.0, None, None)
+    one = Robot("a", 0.5, 2.0, None, None)
     one.arrive(time, odometer, planned, leg, {"answer": "go"}, "plan", None)
     return one
 
@@ -83,7 +83,7 @@ def test_measurements_are_due_an_interval_after_the_last(measured, odometer, lef
     time=st.floats(0, 9),
 )
 def test_what_is_left_to_the_next_measurement_is_within_an_interval(ways, odometer, interval, time):
-    one = Robot("a", (0.0, 0.0), 0.5, 2.0, None, None)
+    one = Robot("a", 0.5, 2.0, None, None)
     for index, way in enumerate(ways):
         one.note_measurement(float(index), way)
     assert 0 < one.to_next_measurement(time, odometer, interval) <= interval

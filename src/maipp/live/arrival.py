@@ -25,7 +25,7 @@ class Arrival:
     slots: Slots
     robot: Robot
     position: Float[np.ndarray, "2"]  # domain units
-    time: float  # seconds since the epoch
+    time: float  # the scenario's time
     odometer: float  # domain units
 
     @property
@@ -63,7 +63,7 @@ class Made(NamedTuple):
     leg: Float[np.ndarray, "v 2"]  # from its position through the waypoints; its position alone where it stops
     measure: Float[np.ndarray, "n 2"]  # where it is to measure on the way
     planned: float  # odometer at the last of these, or the one planned before
-    arrival: float  # expected at the end, seconds since the epoch
+    arrival: float  # expected at the end, the scenario's time
     message: Any
     memory: Any
 

@@ -20,7 +20,7 @@ class Situation(NamedTuple):
 
     agent: Index
     arrival: Index  # decisions taken for it before: with the seed and the agent, the source of randomness
-    time: Float[Array, ""]  # seconds since the epoch
+    time: Float[Array, ""]  # the scenario's time
     budget: Float[Array, ""]  # domain units
     remaining: Float[Array, ""]
     to_next_measurement: Float[Array, ""]

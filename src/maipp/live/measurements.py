@@ -11,7 +11,7 @@ from maipp.typing import Bool, Float
 class Sample(NamedTuple):
     """A measurement in the order that measurements are conditioned in: by time, then robot, then what it says."""
 
-    time: float  # seconds since the epoch
+    time: float  # the scenario's time
     robot: int
     x: float  # domain units
     y: float

@@ -19,10 +19,9 @@ _SHORT = 0.05
 
 @dataclass
 class Robot:
-    """One robot, in domain units and seconds since the epoch."""
+    """One robot, in domain units and the scenario's time; it begins at the one point of its `leg`."""
 
     name: str
-    start: tuple[float, float]
     speed: float
     budget: float
     message: Any  # what it announced last: a pytree of host arrays

@@ -1,5 +1,6 @@
 """`LiveSurvey`: takes what robots report, in any order and as often as they like, and says where to go next."""
 
+import copy
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,6 +25,9 @@ from maipp.scenario import Scenario
 from maipp.simulator import Planner
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
+
+# No number in a message is larger; float32 has room for what is computed with it.
+_LARGEST_TOLD = 1e9
 
 # Most points of one question for the belief.
 _MOST_POINTS = 10_000
@@ -50,7 +54,7 @@ class LiveSurvey:
         self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
         starts, speeds = np.asarray(world.start, np.float64), np.asarray(world.speeds, np.float64)
         self._robots = [
-            Robot(name, (start[0], start[1]), speed, budget, *self._nothing, leg=np.array([start]))
+            Robot(name, speed, budget, *self._nothing, leg=np.array([start]))
             for name, start, speed, budget in zip(
                 setup.robots, starts.tolist(), speeds.tolist(), world.scenario.budgets, strict=True
             )
@@ -124,18 +128,18 @@ class LiveSurvey:
 
     def report(self, event: Event) -> dict[str, Any]:
         """The answer to an event, once it is in the journal. Raises `InputError` for one that is not right."""
-        print_ = fingerprint(event)
+        digest = fingerprint(event)
         if event.id in self._answers:
             known, answer = self._answers[event.id]
-            if known != print_:
+            if known != digest:
                 raise InputError(f"id: another event has the id {event.id[:60]!r}; give each event its own")
-            return answer
+            return copy.deepcopy(answer)
         inner = self._inside(event)
         answer, state = self._answer(event, inner)
         if self._journal is not None:
             self._journal.append({"event": write_event(event), "answer": answer} | ({"state": state} if state else {}))
-        self._apply(event, inner, print_, answer, state)
-        return answer
+        self._apply(event, inner, digest, answer, state)
+        return copy.deepcopy(answer)  # whatever the caller does with it, the next one gets the same
 
     def hello(self) -> dict[str, Any]:
         """Who answers here: protocol, planner, robots and units."""
@@ -192,7 +196,7 @@ class LiveSurvey:
         return self._robots[self.setup.robots.index(event.robot)]
 
     def _inside(self, event: Event) -> dict[str, Any]:
-        """The event's numbers in domain units, standardised values and seconds since the epoch."""
+        """The event's numbers in domain units, standardised values and the scenario's time."""
         units = self.setup.units
         inner: dict[str, Any] = {"time": units.time("time", event.time)}
         if isinstance(event, Measurement | Arrived | Heard):
@@ -206,6 +210,11 @@ class LiveSurvey:
             inner["budget"] = units.length("budget", event.budget)
         if isinstance(event, Heard):
             inner["message"] = unpack(event.packed, self._nothing[0])
+            leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(inner["message"])]
+            if any((np.isfinite(leaf) & (abs(leaf) > _LARGEST_TOLD)).any() for leaf in leaves):
+                raise InputError(
+                    f"packed: holds a number beyond {_LARGEST_TOLD:g}; send what the other process answered"
+                )
         return inner
 
     def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
@@ -248,10 +257,10 @@ class LiveSurvey:
         return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
 
     def _apply(
-        self, event: Event, inner: dict[str, Any], print_: bytes, answer: dict[str, Any], state: dict[str, Any] | None
+        self, event: Event, inner: dict[str, Any], digest: bytes, answer: dict[str, Any], state: dict[str, Any] | None
     ) -> None:
         """What an answered event changes: the same whether it has just been answered or is read from the journal."""
-        self._answers[event.id] = print_, answer
+        self._answers[event.id] = digest, answer
         robot, time = self._robot(event), inner["time"]
         if isinstance(event, Measurement):
             x, y = inner["position"].tolist()
