@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from maipp.benchmarks.evaluate import evaluate
     from maipp.devices import use_all_cores
+    from maipp.live.survey import LiveSurvey
     from maipp.planners.registry import make_planner, register
     from maipp.policy.shipped import load_policy
     from maipp.scenario import Scenario
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "LiveSurvey": "maipp.live.survey",
     "Scenario": "maipp.scenario",
     "draw_missions": "maipp.simulator.mission",
     "evaluate": "maipp.benchmarks.evaluate",
@@ -34,6 +36,7 @@ _MODULES = {
 }
 
 __all__ = [
+    "LiveSurvey",
     "Scenario",
     "__version__",
     "draw_missions",

@@ -1,0 +1,97 @@
+"""`maipp live`: a survey under way; robots' reports on standard input, where to go next on standard output."""
+
+import math
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from maipp.cli.options import assignments
+from maipp.errors import InputError
+
+if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
+    from maipp.live import LiveSurvey
+
+
+@dataclass(frozen=True)
+class Live:
+    """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live.md).
+
+    Every event is in the journal before it is answered. Started again on its journal, the survey goes on.
+    """
+
+    mission: Annotated[Path, tyro.conf.Positional]
+    """mission file (`maipp survey --new` prints one), or a scenario file (`maipp scenario`)"""
+
+    journal: Path
+    """file that every event is added to; made if it is not there"""
+
+    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """planner; left out: the mission file's, or receding-horizon with a scenario file"""
+
+    settings: Annotated[
+        tuple[tuple[str, ...], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
+    ] = ()
+    """options of the planner"""
+
+    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """seed of starts left open, of roadmaps, and of the planner's randomness; left out: the mission file's, or 0"""
+
+    epoch: float = 0.0
+    """time of the survey's start, seconds; with Unix time as `time`, the Unix time of the start"""
+
+
+def run(flags: Live) -> int:
+    """Answer requests until standard input ends."""
+    from maipp.live.serve import encode, serve
+
+    if flags.seed is not None and not 0 <= flags.seed < 2**63:
+        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    if not math.isfinite(flags.epoch):
+        raise InputError(f"--epoch: {flags.epoch} is not a time; give seconds, such as the start's Unix time")
+    with _open(flags) as survey:
+        survey.warm_up()
+        _write(encode(survey.hello() | {"answer": "ready", "cut": survey.cut}))
+        serve(survey, sys.stdin.buffer.readline, _write)
+    return 0
+
+
+def _write(line: bytes) -> None:
+    sys.stdout.buffer.write(line)
+    sys.stdout.buffer.flush()
+
+
+def _open(flags: Live) -> "LiveSurvey":
+    from maipp.live import LiveSurvey
+    from maipp.scenario_io import load_scenario
+    from maipp.surveys.standardise import prepare
+    from maipp.surveys.survey_io import load_survey
+
+    options = assignments(flags.settings)
+    if _is_mission(flags.mission):
+        prepared = prepare(load_survey(flags.mission), planner=flags.planner, planner_options=options)
+        for warning in prepared.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+        return LiveSurvey.from_prepared(prepared, seed=flags.seed, journal=flags.journal, epoch=flags.epoch)
+    return LiveSurvey.from_scenario(
+        load_scenario(flags.mission),
+        flags.planner or "receding-horizon",
+        options,
+        seed=flags.seed or 0,
+        journal=flags.journal,
+        epoch=flags.epoch,
+    )
+
+
+def _is_mission(path: Path) -> bool:
+    """Whether the file has keys that only missions have; one that cannot be read is left to the scenario's reader."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return False
+    return re.search(r"""^[{\s"']*(area|robots|measurement_spacing_m)["']?\s*:""", text, re.MULTILINE) is not None

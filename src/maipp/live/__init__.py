@@ -1,0 +1,5 @@
+"""A survey under way: robots report measurements and arrivals, and are told where to go next."""
+
+from maipp.live.survey import LiveSurvey
+
+__all__ = ["LiveSurvey"]

@@ -1,0 +1,137 @@
+"""The journal of a live survey: a file of JSON lines that survives a kill at any moment.
+
+Each line starts with a checksum of itself and of the line before it, so a line that was damaged, removed or moved is
+found. A line is on the disk (fsync) before `append` returns; one that a kill cut short is removed when the journal is
+opened again, since nobody was answered from it. One process at a time holds the file's lock.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from maipp.errors import InputError
+
+_PREFIX = b'{"sum":"'
+_DIGITS = 16  # of a checksum: 64 bits
+_HEAD = len(_PREFIX) + _DIGITS + len(b'",')
+
+
+class Journal:
+    """An open journal, positioned at its end. `records` are what it held when it was opened, header first."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open or create the journal and take its lock.
+
+        Raises `InputError` where it cannot be opened, another process holds it, or a line is damaged.
+        """
+        self.path = Path(path)
+        self.cut = 0  # bytes of a torn last line that were removed
+        new = not self.path.exists()
+        try:
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot open the journal: {error.strerror or error}") from None
+        try:
+            self._lock()
+            if new:
+                _sync_folder(self.path.parent)
+            content = self._read()
+            self._chain = b""
+            self.records = list(self._checked(content))
+            self._size = len(content)
+        except BaseException:
+            self.close()
+            raise
+
+    def append(self, record: dict[str, Any]) -> None:
+        """Add a record and wait until it is on the disk.
+
+        Raises `InputError` where it cannot be written; the journal is then what it was.
+        """
+        body = json.dumps({"seq": self._count} | record, allow_nan=False, separators=(",", ":")).encode("ascii")
+        chain = _checksum(self._chain, body[1:])
+        line = _PREFIX + chain + b'",' + body[1:] + b"\n"
+        try:
+            _write(self._file, line)
+            os.fsync(self._file)
+        except OSError as error:
+            self._take_back()
+            raise InputError(f"{self.path}: cannot write the journal: {error.strerror or error}") from None
+        self._chain, self._size, self._count = chain, self._size + len(line), self._count + 1
+
+    def _take_back(self) -> None:
+        """Remove what a failed write left; where that fails as well, no later line may follow it."""
+        try:
+            os.ftruncate(self._file, self._size)
+            os.fsync(self._file)
+        except OSError:
+            self.close()
+
+    def close(self) -> None:
+        """Release the lock and close the file; does nothing the second time."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # Windows has no such locks
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f"{self.path}: another process is using this journal; stop it first") from None
+
+    def _read(self) -> bytes:
+        """The file's whole lines; what follows the last line end is cut away."""
+        with open(self._file, "rb", closefd=False) as file:
+            file.seek(0)
+            content = file.read()
+        whole = content[: content.rfind(b"\n") + 1]
+        self.cut = len(content) - len(whole)
+        if self.cut:
+            if not content.startswith(_PREFIX[: len(content)]):
+                raise InputError(f"{self.path}: line 1 is no line of a journal; give another file")
+            os.ftruncate(self._file, len(whole))
+            os.fsync(self._file)
+        return whole
+
+    def _checked(self, content: bytes) -> Iterator[dict[str, Any]]:
+        self._count = 0
+        for line in content.split(b"\n")[:-1]:
+            where = f"{self.path}: line {self._count + 1}"
+            body = line[_HEAD:]
+            if not (line.startswith(_PREFIX) and line[_HEAD - 2 : _HEAD] == b'",'):
+                raise InputError(f"{where} is no line of a journal; put back a copy of the file, or give another one")
+            chain = _checksum(self._chain, body)
+            if line[len(_PREFIX) : _HEAD - 2] != chain:
+                raise InputError(f"{where} is damaged, or lines before it are missing; put back a copy of the file")
+            record = json.loads(b"{" + body)
+            self._chain = chain
+            self._count += 1
+            yield record
+
+
+def _checksum(chain: bytes, body: bytes) -> bytes:
+    return hashlib.sha256(chain + body).hexdigest()[:_DIGITS].encode("ascii")
+
+
+def _write(file: int, content: bytes) -> None:
+    view = memoryview(content)
+    while view:
+        view = view[os.write(file, view) :]
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the new file's name as lasting as its content, where the system can."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder or ".", os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

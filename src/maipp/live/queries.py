@@ -1,0 +1,81 @@
+"""Answers to questions, which change nothing: who is there, how things stand, what is believed."""
+
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from maipp.live.believe import believe
+from maipp.live.measurements import Measurements
+from maipp.live.messages import describe
+from maipp.live.request import PROTOCOL
+from maipp.live.robots import TRAVELLING, Robot
+from maipp.live.world import Setup, World
+
+
+def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> dict[str, Any]:
+    """Protocol, planner, robots and units."""
+    units = setup.units
+    starts = units.points_out(np.asarray(world.start))
+    return {
+        "answer": "hello",
+        "protocol": PROTOCOL,
+        "maipp": maipp_version(),
+        "planner": setup.planner,
+        "units": units.names,
+        "epoch": units.epoch,
+        "measurement_interval": units.length_out(world.scenario.measurement_interval),
+        "robots": [
+            {
+                "name": robot.name,
+                "start": start,
+                "budget": units.length_out(robot.budget),
+                "speed": units.speed_out(robot.speed),
+            }
+            for robot, start in zip(robots, starts, strict=True)
+        ],
+        "events": events,
+    }
+
+
+def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: int) -> dict[str, Any]:
+    """What is known of the robots, and how much has been reported."""
+    units = setup.units
+    rows = [
+        {
+            "name": robot.name,
+            "status": robot.status,
+            "time": units.time_out(robot.time),
+            "position": units.points_out(robot.leg[:1])[0],
+            "travelled": units.length_out(robot.odometer),
+            "budget": units.length_out(robot.budget),
+            "waypoints": units.points_out(robot.leg[1:]) if robot.status == TRAVELLING else [],
+            "message": describe(robot.message, units),
+        }
+        for robot in robots
+    ]
+    return {"answer": "state", "events": events, "measurements": measurements, "robots": rows}
+
+
+def belief(
+    world: World, setup: Setup, measurements: Measurements, points: Sequence[tuple[float, float]] | None
+) -> dict[str, Any]:
+    """Mean and standard deviation at the caller's points, or on the evaluation grid. `InputError` for one far off."""
+    units = setup.units
+    answer: dict[str, Any] = {"answer": "belief", "measurements": len(measurements)}
+    if points is None:
+        where = np.asarray(world.grid, np.float64)
+        answer |= {"points": units.points_out(where), "inside": world.inside.tolist()}
+    else:
+        where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
+    mean, std = believe(world, measurements.slots(), where)
+    return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
+
+
+def maipp_version() -> str:
+    """The version installed."""
+    try:
+        return version("maipp")
+    except PackageNotFoundError:  # run from a source tree
+        return "unknown"

@@ -1,0 +1,154 @@
+"""What is known of each robot: where it was when, how far it has travelled, what it was told last."""
+
+from bisect import insort
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.typing import Float
+
+# Waiting: has not reported yet. Gone: lost or called back; one that arrives after that is back.
+WAITING, TRAVELLING, STOPPED, GONE = "waiting", "travelling", "stopped", "gone"
+
+# A measurement planned this part of the interval ahead counts as taken on arrival: the robot stopped where it was to be
+# taken, a little short by its odometer, and its report may still be on the way.
+_SHORT = 0.05
+
+
+@dataclass
+class Robot:
+    """One robot, in domain units and the scenario's time; it begins at the one point of its `leg`."""
+
+    name: str
+    speed: float
+    budget: float
+    message: Any  # what it announced last: a pytree of host arrays
+    memory: Any  # of the planner, likewise
+    status: str = WAITING
+    arrivals: int = 0  # decisions taken for it
+    latest: float = 0.0  # time of its latest report of any kind
+    time: float = 0.0  # of the last report of where it is
+    odometer: float = 0.0  # way travelled then
+    leg: Float[np.ndarray, "v 2"] = field(default_factory=lambda: np.zeros((1, 2)))  # from there on; one point: stays
+    answer: dict[str, Any] | None = None  # what it was told then
+    budget_from: tuple[float, str] = (-1.0, "")  # time and id of the event that set its budget
+    fixes: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])  # times and odometer at its arrivals
+    planned: float = 0.0  # odometer at the last measurement that its leg was planned with
+    # Time, odometer (-1: not told) at its measurements
+    measured: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def position(self) -> Float[np.ndarray, "2"]:
+        """Where it was at the last report."""
+        return self.leg[0]
+
+    @property
+    def remaining(self) -> float:
+        """Budget left at the last report."""
+        return self.budget - self.odometer
+
+    def where(self, time: float) -> Float[np.ndarray, "2"]:
+        """Where it probably is: on the way it was told, at its usual speed."""
+        return along(self.leg, max(time - self.time, 0.0) * self.speed)
+
+    def travelled(self, position: Float[np.ndarray, "2"], told: float | None) -> float:
+        """Way travelled on arrival at a position: what the odometer says, else along the leg as far as it was followed.
+
+        Never less than at the last report: an odometer that starts anew does not give a robot its budget back.
+        """
+        if told is not None:
+            return max(told, self.odometer)
+        return self.odometer + _followed(self.leg, position)
+
+    def to_next_measurement(self, time: float, odometer: float, interval: float) -> float:
+        """Way until it is to measure again, in (0, interval], counted from where it last did, or was to."""
+        last = self.planned if self.planned <= odometer + _SHORT * interval else 0.0
+        before = [one for one in self.measured if one[0] <= time]
+        if before:
+            when, told = before[-1]
+            times, ways = zip(*sorted([*self.fixes, (time, odometer)]), strict=True)
+            last = max(last, told if told >= 0 else float(np.interp(when, times, ways)))
+        since = max(odometer - last, 0.0)
+        whole = float(np.floor((since + DISTANCE_TOLERANCE) / interval))
+        return min((whole + 1.0) * interval - since, interval)
+
+    def arrive(
+        self,
+        time: float,
+        odometer: float,
+        planned: float,
+        leg: Float[np.ndarray, "v 2"],
+        answer: dict[str, Any],
+        message: Any,
+        memory: Any,
+    ) -> None:
+        """It is at the leg's first point and was told to travel along it, one point alone: to stop.
+
+        `planned` is the odometer at the leg's last measurement, or at the one planned before where it has none.
+        """
+        insort(self.fixes, (time, odometer))
+        self.latest = self.time = time
+        self.odometer, self.leg, self.answer = odometer, leg, answer
+        self.planned, self.message, self.memory = planned, message, memory
+        self.status = TRAVELLING if len(leg) > 1 else STOPPED
+        self.arrivals += 1
+
+    def note_late(self, time: float, travelled: float | None) -> None:
+        """It was somewhere before its last report; only what its odometer said then is of use."""
+        if travelled is not None:
+            insort(self.fixes, (time, travelled))
+
+    def leave(self, time: float, nothing: Any) -> None:
+        """It is lost, unless it has reported later: it announces nothing."""
+        if time >= self.latest:
+            self.latest, self.message, self.status, self.answer = time, nothing, GONE, None
+
+    def grant(self, budget: float, time: float, event: str) -> None:
+        """Its whole budget is another one; of several events the latest decides."""
+        if (time, event) > self.budget_from:
+            self.budget, self.budget_from = budget, (time, event)
+
+    def announce(self, time: float, position: Float[np.ndarray, "2"], message: Any) -> None:
+        """Another process plans for it, and this is what it told."""
+        if time >= self.latest:
+            self.odometer = self.travelled(position, None)
+            self.latest = self.time = time
+            self.leg, self.message, self.status = position[None], message, TRAVELLING
+
+    def note_measurement(self, time: float, travelled: float | None) -> None:
+        """Remember that it measured."""
+        insort(self.measured, (time, -1.0 if travelled is None else travelled))
+
+
+def along(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarray, "2"]:
+    """The point at a distance along a polyline; its end where it is shorter."""
+    for a, b in zip(polyline[:-1], polyline[1:], strict=True):
+        length = float(np.hypot(*(b - a)))
+        if distance < length:
+            return a + (b - a) * (distance / length)
+        distance -= length
+    return polyline[-1]
+
+
+def cut(polyline: Float[np.ndarray, "v 2"], length: float) -> Float[np.ndarray, "w 2"]:
+    """The polyline as far as it is not longer than `length`."""
+    marks = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
+    if marks[-1] <= length:
+        return polyline
+    return np.concatenate([polyline[marks < length], along(polyline, length)[None]])
+
+
+def _followed(leg: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"]) -> float:
+    """Length of the way along a leg to its point nearest to a position, and on to the position."""
+    best, length = float(np.hypot(*(position - leg[0]))), 0.0
+    best_way = best
+    for a, b in zip(leg[:-1], leg[1:], strict=True):
+        step = float(np.hypot(*(b - a)))
+        share = min(max(float((position - a) @ (b - a)) / max(step**2, 1e-12), 0.0), 1.0)
+        off = float(np.hypot(*(position - (a + share * (b - a)))))
+        if off < best:
+            best, best_way = off, length + share * step + off
+        length += step
+    return best_way

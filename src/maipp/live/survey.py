@@ -1,0 +1,318 @@
+"""`LiveSurvey`: takes what robots report, in any order and as often as they like, and says where to go next."""
+
+import copy
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.live import queries
+from maipp.live.arrival import Arrival, decide_arrival
+from maipp.live.decide import decide
+from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement, fingerprint, read_event, write_event
+from maipp.live.journal import Journal
+from maipp.live.measurements import Measurements, Sample
+from maipp.live.messages import describe, pack, unpack
+from maipp.live.request import PROTOCOL, Fields
+from maipp.live.robots import GONE, Robot
+from maipp.live.units import Units
+from maipp.live.world import Setup, World, draw_world, make_setup
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+from maipp.simulator import Planner
+from maipp.surveys.standardise import PreparedSurvey
+from maipp.typing import Float
+
+# No number in a message is larger; float32 has room for what is computed with it.
+_LARGEST_TOLD = 1e9
+
+# Most points of one question for the belief.
+_MOST_POINTS = 10_000
+
+
+class LiveSurvey:
+    """A survey under way. Give it events, one at a time; it answers with dictionaries ready for JSON (docs/live.md).
+
+    Each event is in the journal, on the disk, before its answer is returned. An event that was answered before gets
+    the same answer again and changes nothing. Opened anew on its journal, the survey goes on where it was. Not for use
+    by several threads at once. Close it, or use it in a `with` block, to release the journal.
+    """
+
+    def __init__(self, world: World, setup: Setup, journal: str | os.PathLike[str] | None = None) -> None:
+        """Begin the survey, or go on with the one in the journal; without a journal nothing outlives the process.
+
+        Raises `InputError` for a journal that is damaged, in use, or of another mission.
+        """
+        self.world, self.setup = world, setup
+        real = np.dtype(jax.dtypes.canonicalize_dtype(float))
+        self._measurements = Measurements(setup.prior_x, setup.prior_y, setup.room, real)
+        self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
+        planner: Planner = world.planner
+        self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
+        starts, speeds = np.asarray(world.start, np.float64), np.asarray(world.speeds, np.float64)
+        self._robots = [
+            Robot(name, speed, budget, *self._nothing, leg=np.array([start]))
+            for name, start, speed, budget in zip(
+                setup.robots, starts.tolist(), speeds.tolist(), world.scenario.budgets, strict=True
+            )
+        ]
+        self._journal = None if journal is None else Journal(journal)
+        try:
+            self._replay()
+        except BaseException:
+            self.close()
+            raise
+
+    @classmethod
+    def from_scenario(
+        cls,
+        scenario: Scenario,
+        planner: str = "receding-horizon",
+        options: Mapping[str, object] | None = None,
+        *,
+        seed: int = 0,
+        robots: Sequence[str] | None = None,
+        journal: str | os.PathLike[str] | None = None,
+        prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None = None,
+        prior_noise: float | None = None,
+        epoch: float = 0.0,
+    ) -> "LiveSurvey":
+        """A survey of a scenario; by default in its own units, with robots called robot1, robot2 and so on.
+
+        `seed` draws starts where the scenario gives none, roadmaps, and the planner's randomness. `prior` are older
+        samples: domain positions and standardised values, whose noise variance is `prior_noise`, or the scenario's.
+        Raises `InputError` for a planner, an option or a journal that cannot be used.
+        """
+        built = make_planner(planner, scenario, options)
+        if scenario.obstacles and not built.avoids_obstacles:
+            raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
+        names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
+        setup = make_setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
+        return cls(draw_world(built, seed, len(setup.prior_y), prior_noise), setup, journal)
+
+    @classmethod
+    def from_prepared(
+        cls,
+        prepared: PreparedSurvey,
+        *,
+        seed: int | None = None,
+        journal: str | os.PathLike[str] | None = None,
+        epoch: float = 0.0,
+    ) -> "LiveSurvey":
+        """A survey of a real place, in its own coordinates and units; `seed` replaces the mission file's.
+
+        `epoch` is the caller's time of the start (s). Raises `InputError` as `from_scenario`.
+        """
+        built = prepared.make_planner()
+        units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
+        seed = prepared.survey.seed if seed is None else seed
+        name, options = prepared.planner, prepared.planner_options
+        setup = make_setup(built, name, options, seed, prepared.names, units, prepared.prior)
+        return cls(draw_world(built, seed, len(setup.prior_y), prepared.prior_noise), setup, journal)
+
+    # What a caller asks and reports.
+
+    def handle(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a request: an object with `event` or `query`.
+
+        Raises `InputError`, and changes nothing, for a request that is not right.
+        """
+        if "event" in request:
+            return self.report(read_event(request, self.setup.robots))
+        if "query" in request:
+            return self._ask(Fields(request, "query"))
+        raise InputError("neither an event nor a query; give one of the keys `event` and `query`")
+
+    def report(self, event: Event) -> dict[str, Any]:
+        """The answer to an event, once it is in the journal. Raises `InputError` for one that is not right."""
+        digest = fingerprint(event)
+        if event.id in self._answers:
+            known, answer = self._answers[event.id]
+            if known != digest:
+                raise InputError(f"id: another event has the id {event.id[:60]!r}; give each event its own")
+            return copy.deepcopy(answer)
+        inner = self._inside(event)
+        answer, state = self._answer(event, inner)
+        if self._journal is not None:
+            self._journal.append({"event": write_event(event), "answer": answer} | ({"state": state} if state else {}))
+        self._apply(event, inner, digest, answer, state)
+        return copy.deepcopy(answer)  # whatever the caller does with it, the next one gets the same
+
+    def hello(self) -> dict[str, Any]:
+        """Who answers here: protocol, planner, robots and units."""
+        return queries.hello(self.world, self.setup, self._robots, len(self._answers))
+
+    def state(self) -> dict[str, Any]:
+        """What is known of the robots, and how much has been reported."""
+        return queries.state(self.setup, self._robots, len(self._answers), len(self._measurements))
+
+    def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
+        """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
+
+        Points of the grid that lie in no-go zones have `inside` false.
+        """
+        return queries.belief(self.world, self.setup, self._measurements, points)
+
+    def warm_up(self) -> None:
+        """Compile all that answers need, so that none has to wait for it."""
+        robot = self._robots[0]
+        jax.block_until_ready(decide(self.world, self._arrival(robot, robot.position, 0.0, 0.0).situation))
+        self.belief()
+
+    @property
+    def cut(self) -> int:
+        """Bytes of a torn last line that were removed when the journal was opened."""
+        return 0 if self._journal is None else self._journal.cut
+
+    def close(self) -> None:
+        """Release the journal."""
+        if self._journal is not None:
+            self._journal.close()
+
+    def __enter__(self) -> "LiveSurvey":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # How events become answers, and what they change.
+
+    def _ask(self, fields: Fields) -> dict[str, Any]:
+        query = fields.one_of("query", ("hello", "state", "belief"), "query")
+        name = {"id": fields.text("id", "a text of 1 to 200 characters")} if fields.has("id") else {}
+        points = fields.points("points", _MOST_POINTS) if query == "belief" and fields.has("points") else None
+        if query == "hello" and fields.has("protocol"):
+            protocol = fields.text("protocol", PROTOCOL)
+            if protocol != PROTOCOL:
+                fields.wrong("protocol", f"{protocol[:60]!r} is not spoken here; this is {PROTOCOL}")
+        fields.done()
+        answer = self.belief(points) if query == "belief" else self.hello() if query == "hello" else self.state()
+        return {"answer": answer.pop("answer")} | name | answer
+
+    def _robot(self, event: Event) -> Robot:
+        return self._robots[self.setup.robots.index(event.robot)]
+
+    def _inside(self, event: Event) -> dict[str, Any]:
+        """The event's numbers in domain units, standardised values and the scenario's time."""
+        units = self.setup.units
+        inner: dict[str, Any] = {"time": units.time("time", event.time)}
+        if isinstance(event, Measurement | Arrived | Heard):
+            inner["position"] = np.array(units.position("position", event.position))
+        if isinstance(event, Measurement | Arrived):
+            told = event.travelled
+            inner["travelled"] = None if told is None else units.length("travelled", told)
+        if isinstance(event, Measurement):
+            inner["value"] = units.value("value", event.value)
+        if isinstance(event, Budget):
+            inner["budget"] = units.length("budget", event.budget)
+        if isinstance(event, Heard):
+            inner["message"] = unpack(event.packed, self._nothing[0])
+            leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(inner["message"])]
+            if any((np.isfinite(leaf) & (abs(leaf) > _LARGEST_TOLD)).any() for leaf in leaves):
+                raise InputError(
+                    f"packed: holds a number beyond {_LARGEST_TOLD:g}; send what the other process answered"
+                )
+        return inner
+
+    def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
+        return Arrival(self.world, self._robots, self._measurements.slots(), robot, position, time, odometer)
+
+    def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+        """The answer to an event, and for an arrival what it changes."""
+        if not isinstance(event, Arrived):
+            return {"answer": "noted", "id": event.id}, None
+        robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
+        time, position, told = inner["time"], inner["position"], inner["travelled"]
+        if time < robot.latest and (robot.answer is not None or robot.status == GONE):
+            return self._late(robot, head), {"late": told}
+        odometer = robot.travelled(position, told)
+        made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
+        units, way = self.setup.units, self._way(robot, odometer)
+        state = {
+            "odometer": odometer,
+            "planned": made.planned,
+            "leg": made.leg.tolist(),
+            "message": pack(made.message),
+            "memory": pack(made.memory),
+        }
+        if made.reason is not None:
+            return {"answer": "stop"} | head | {"reason": made.reason} | way | {"message": None}, state
+        answer = {"answer": "go"} | head | {"waypoints": units.points_out(made.leg[1:])}
+        answer |= {"measure": units.points_out(made.measure), "arrival": units.time_out(made.arrival)}
+        return answer | way | {"message": describe(made.message, units)}, state
+
+    def _late(self, robot: Robot, head: dict[str, Any]) -> dict[str, Any]:
+        """The answer to a report that is older than the robot's latest: what it was told there stands."""
+        if robot.answer is None:
+            stop = {"answer": "stop"} | head | {"reason": "gone"} | self._way(robot, robot.odometer)
+            return stop | {"message": None, "late": True}
+        again = {key: value for key, value in robot.answer.items() if key not in ("answer", "id", "robot")}
+        return {"answer": robot.answer["answer"]} | head | again | {"late": True}
+
+    def _way(self, robot: Robot, odometer: float) -> dict[str, Any]:
+        units, left = self.setup.units, max(robot.budget - odometer, 0.0)
+        return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
+
+    def _apply(
+        self, event: Event, inner: dict[str, Any], digest: bytes, answer: dict[str, Any], state: dict[str, Any] | None
+    ) -> None:
+        """What an answered event changes: the same whether it has just been answered or is read from the journal."""
+        self._answers[event.id] = digest, answer
+        robot, time = self._robot(event), inner["time"]
+        if isinstance(event, Measurement):
+            x, y = inner["position"].tolist()
+            index = self.setup.robots.index(event.robot)
+            self._measurements.add(Sample(time, index, x, y, inner["value"]))
+            robot.note_measurement(time, inner["travelled"])
+        elif isinstance(event, Arrived):
+            assert state is not None
+            if "late" in state:
+                robot.note_late(time, state["late"])
+                return
+            leg = np.array(state["leg"], np.float64)
+            message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
+            robot.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
+        elif isinstance(event, Gone):
+            robot.leave(time, self._nothing[0])
+        elif isinstance(event, Budget):
+            robot.grant(inner["budget"], time, event.id)
+        elif isinstance(event, Heard):
+            robot.announce(time, inner["position"], inner["message"])
+
+    # The journal.
+
+    def _header(self) -> dict[str, Any]:
+        setup = self.setup
+        return {
+            "journal": PROTOCOL,
+            "maipp": queries.maipp_version(),
+            "planner": setup.planner,
+            "seed": setup.seed,
+            "robots": list(setup.robots),
+            "epoch": setup.units.epoch,
+            "mission": setup.digest(self.world),
+        }
+
+    def _replay(self) -> None:
+        """Take up what the journal holds, or begin it."""
+        if self._journal is None:
+            return
+        header, where = self._header(), self._journal.path
+        if not self._journal.records:
+            self._journal.append(header)
+            return
+        found = self._journal.records[0]
+        for key, mine in header.items():
+            if found.get(key) != mine:
+                told = "" if key == "mission" else f" ({key} {found.get(key)!r} instead of {mine!r})"
+                raise InputError(
+                    f"{where}: the journal of another survey{told}; give it its own mission, or a new file"
+                )
+        for record in self._journal.records[1:]:
+            event = read_event(record["event"], self.setup.robots)
+            inner = self._inside(event)
+            self._apply(event, inner, fingerprint(event), record["answer"], record.get("state"))
+        self._journal.records.clear()

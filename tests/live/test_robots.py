@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maipp.live.robots import GONE, STOPPED, TRAVELLING, Robot, along
+
+BENT = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1]])
+
+
+def robot(leg=BENT, time=1.0, odometer=0.4, planned=0.0):
+    one = Robot("a", 0.5, 2.0, None, None)
+    one.arrive(time, odometer, planned, leg, {"answer": "go"}, "plan", None)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("position", "way"),
+    [
+        ([0.2, 0.1], 0.3),  # at the end of the leg: all of it, bend included
+        ([0.2, 0.0], 0.2),  # early
+        ([0.1, 0.0], 0.1),
+        ([0.0, 0.0], 0.0),  # it has not moved
+        ([0.2, 0.11], 0.31),  # beyond the end
+        ([0.21, 0.1], 0.31),  # beside it
+        ([-0.1, 0.0], 0.1),  # the other way
+    ],
+)
+def test_the_way_follows_from_positions(position, way):
+    assert robot().travelled(np.array(position), None) == pytest.approx(0.4 + way)
+
+
+@given(x=st.floats(-1, 1), y=st.floats(-1, 1))
+def test_no_way_is_shorter_than_the_straight_one(x, y):
+    assert robot().travelled(np.array([x, y]), None) >= 0.4 + np.hypot(x, y) - 1e-12
+
+
+def test_an_odometer_counts_but_never_backwards():
+    assert robot().travelled(np.array([0.2, 0.1]), 0.77) == 0.77
+    assert robot().travelled(np.array([0.2, 0.1]), 0.1) == 0.4
+
+
+@pytest.mark.parametrize(
+    ("planned", "odometer", "left"),
+    [
+        (0.6, 0.6, 0.2),  # planned here: its report is on the way
+        (0.6, 0.595, 0.2),  # a little short of it
+        (0.6, 0.62, 0.18),
+        (0.6, 0.55, 0.05),  # early: still to be taken
+    ],
+)
+def test_a_planned_measurement_counts_once_the_robot_is_there(planned, odometer, left):
+    one = robot(planned=planned)
+    one.note_measurement(1.0, 0.4)
+    assert one.to_next_measurement(2.0, odometer, 0.2) == pytest.approx(left)
+
+
+@pytest.mark.parametrize(
+    ("measured", "odometer", "left"),
+    [
+        ([], 0.0, 0.2),
+        ([], 0.15, 0.05),
+        ([], 0.199, 0.001),
+        ([], 0.45, 0.15),
+        ([(2.0, -1.0)], 0.45, 0.2),  # just measured
+        ([(1.0, -1.0)], 0.5, 0.1),  # at the arrival before, 0.1 ago
+        ([(1.5, -1.0)], 0.5, 0.15),  # half way since
+        ([(1.5, 0.48)], 0.5, 0.18),  # its own odometer says where
+        ([(3.0, -1.0), (1.0, -1.0)], 0.5, 0.1),  # a report from the future is not its last one
+    ],
+)
+def test_measurements_are_due_an_interval_after_the_last(measured, odometer, left):
+    one = robot(odometer=0.4 if odometer >= 0.4 else 0.0)
+    for time, told in measured:
+        one.note_measurement(time, None if told < 0 else told)
+    assert one.to_next_measurement(2.0, odometer, 0.2) == pytest.approx(left)
+
+
+@given(
+    ways=st.lists(st.floats(0, 5), max_size=4),
+    odometer=st.floats(0, 5),
+    interval=st.floats(0.01, 1),
+    time=st.floats(0, 9),
+)
+def test_what_is_left_to_the_next_measurement_is_within_an_interval(ways, odometer, interval, time):
+    one = Robot("a", 0.5, 2.0, None, None)
+    for index, way in enumerate(ways):
+        one.note_measurement(float(index), way)
+    assert 0 < one.to_next_measurement(time, odometer, interval) <= interval
+
+
+@given(distance=st.floats(0, 1))
+def test_along_a_bent_way(distance):
+    x, y = along(BENT, distance)
+    assert (x, y) == pytest.approx((min(distance, 0.2), min(max(distance - 0.2, 0.0), 0.1)))
+
+
+def test_dead_reckoning():
+    np.testing.assert_allclose(robot().where(1.2), [0.1, 0.0])
+    np.testing.assert_allclose(robot().where(9.0), [0.2, 0.1])
+    np.testing.assert_allclose(robot().where(0.0), [0.0, 0.0])
+
+
+def test_statuses():
+    assert robot().status == TRAVELLING and robot(leg=BENT[:1]).status == STOPPED
+    one = robot()
+    one.leave(0.5, None)  # it has reported since
+    assert one.status == TRAVELLING and one.message == "plan"
+    one.leave(1.2, None)
+    assert one.status == GONE and one.message is None
+    one.announce(1.1, np.array([0.9, 0.9]), "older")
+    assert one.status == GONE and one.message is None
+    one.announce(1.3, np.array([0.2, 0.1]), "newer")
+    assert one.message == "newer" and one.odometer == pytest.approx(0.7)
+
+
+@given(order=st.permutations([(3.0, "b", 9.0), (1.0, "a", 1.0), (3.0, "c", 5.0)]))
+def test_the_latest_budget_counts_in_any_order(order):
+    one = robot()
+    for time, name, budget in order:
+        one.grant(budget, time, name)
+    assert one.budget == 5.0
