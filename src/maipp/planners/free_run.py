@@ -29,7 +29,9 @@ def free_share(zones: Zones, start: Float[Array, "*#c 2"], end: Float[Array, "*#
     last = jnp.clip(height * per_fall, 0.0, 1.0)
     one, other = ahead + first * advance, ahead + last * advance
     beside = (jnp.maximum(one, other) < -rounding) | (jnp.minimum(one, other) > zones.length + rounding)
-    meets = (fall > 0.0) & (height >= -rounding) & (height - fall < margin) & ~beside
+    # From a corner past the end of an edge: if that leads into the zone, the other edge of the corner stops it.
+    leaves = ((ahead < rounding) & (advance < 0.0)) | ((ahead > zones.length - rounding) & (advance > 0.0))
+    meets = (fall > 0.0) & (height >= -rounding) & (height - fall < margin) & ~beside & ~leaves
     return jnp.min(jnp.where(meets, first, 1.0), axis=-1)
 
 

@@ -9,7 +9,7 @@ from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import Sweep, clipped_sweep
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Decision, Observation, PyTree
-from maipp.typing import Array, Bool, Float, Index, Key
+from maipp.typing import Array, Float, Index, Key
 
 _MOST_ROWS = 32
 
@@ -79,7 +79,7 @@ class Lawnmower(PlanePlanner):
         """The way to the next end of a piece of a row; stops after the last."""
         zones, sweep, here = self.zones, self.sweep, observation.position
         assert zones is not None and sweep is not None
-        from_right, from_top = self._corner(observation)
+        _, _, from_right, from_top = self._strip(observation)
         variant = 2 * from_top.astype(jnp.int32) + from_right.astype(jnp.int32)
         order = sweep.order[observation.agent, variant]
         ways = ways_from(zones, here, sweep.points[order], sweep.onward[:, order])
@@ -90,27 +90,25 @@ class Lawnmower(PlanePlanner):
         arrived = (way[-1] == ways.ends[following]).all()
         return Decision(way, (), jnp.where(arrived, following + 1, following), ~ahead.any())
 
-    def _corner(self, observation: Observation) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
-        """Whether the sweep begins from the right and from the top: at the corner nearest to the start."""
+    def _strip(self, observation: Observation) -> tuple[Array, Array, Array, Array]:
+        """Both sides of the agent's rows, and whether its sweep begins from the right and from the top."""
         _, margin = self.tuned()
         width, height = self.scenario.extent
         strip = width / self.scenario.agents
         left = strip * (observation.agent + margin)
         right = strip * (observation.agent + 1 - margin)
         start = observation.start
+        # Begin at the nearest of the four corners of the sweep.
         from_right = jnp.abs(start[0] - right) < jnp.abs(start[0] - left)
         from_top = start[1] > height / 2
-        return from_right, from_top
+        return left, right, from_right, from_top
 
     def _sweep(self, observation: Observation) -> Float[Array, "v 2"]:
         """Vertices of the agent's sweep."""
-        rows, margin = self.tuned()
-        width, height = self.scenario.extent
-        strip = width / self.scenario.agents
-        left = strip * (observation.agent + margin)
-        right = strip * (observation.agent + 1 - margin)
+        rows, _ = self.tuned()
+        height = self.scenario.extent[1]
+        left, right, from_right, from_top = self._strip(observation)
         gap = height / rows
-        from_right, from_top = self._corner(observation)
         vertex = jnp.arange(4 * rows - 2)
         row, second = vertex // 2, vertex % 2
         # What is left of the budget after the last row is spent on the way back, between the rows.

@@ -137,16 +137,17 @@ class LegPlanner(PlanePlanner):
         observation: Observation,
         belief: Belief,
         plan: Float[Array, "h 2"],
+        steps: Float[Array, " h"],
         offsets: Float[Array, " h"],
         affordable: Bool[Array, " h"],
     ) -> FirstLeg:
         """The first leg of a plan, from where the due agent is; what `belief` counts as measured is worth nothing.
 
-        `offsets` (domain units) are the distances to the next measurements. Where there are no-go zones, the agent may
+        `steps` and `offsets` (domain units) are the legs' lengths and the distances to the next measurements. Where there are no-go zones, the agent may
         set out for something farther away that is worth more for the way to it, and never stands still before its
         budget is spent.
         """
-        position, steps = observation.position, jnp.diff(offsets, prepend=0.0)
+        position = observation.position
         points = self.walked(position, plan, steps)
         way = jnp.stack([bend(position, points[0], steps[0], self.scenario.extent, self.zones), points[0]])
         leg = FirstLeg(way, points, plan)

@@ -79,7 +79,7 @@ class RecedingHorizon(LegPlanner):
             where, left = observation.position, observation.remaining
             plans = self.plan_legs(key, belief, inside, where, memory.plan, steps, affordable, known, remaining=left)
             plan = plans.best
-        leg = self.first_leg(observation, belief, plan, offsets, affordable)
+        leg = self.first_leg(observation, belief, plan, steps, offsets, affordable)
         times = jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
         message = Announcement(leg.points, times)
         if self.joint:

@@ -174,13 +174,14 @@ class SgaRrt(PlanePlanner):
             virtual_value=self.scenario.virtual_value,
         )
         best = some[jnp.argmin(jnp.where(ranked > 0, score, jnp.inf))]
+        times = jnp.where(taken[best], observation.time + offsets / observation.speed, jnp.inf)
         waypoints = first_part(observation.position, tree.vertices[best], self.execute)
-        marks, measured = tree.marks[best], taken[best]
+        marks = tree.marks[best]
         if self.zones is not None:
             left, length = jnp.min(jnp.where(ranked > 0, score, jnp.inf)), tree.length[best]
-            planned = (waypoints, marks, measured)
+            planned = (waypoints, marks, taken[best])
             waypoints, marks, measured = self._better(observation, belief, planned, left, length, offsets, affordable)
-        times = jnp.where(measured, observation.time + offsets / observation.speed, jnp.inf)
+            times = jnp.where(measured, observation.time + offsets / observation.speed, jnp.inf)
         return Decision(waypoints, Announcement(marks, times), memory)
 
     def _better(
