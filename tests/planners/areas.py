@@ -17,7 +17,7 @@ from maipp.roadmap.zones import zones_of
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
 
-AGENTS, BUDGET = 2, 1.6
+AGENTS, BUDGET = 2, 2.0
 # What all areas have in common, so that a planner is compiled once: everything but the zones themselves.
 COMMON: Any = {
     "agents": AGENTS,
@@ -25,10 +25,15 @@ COMMON: Any = {
     "grid": 10,
     "nodes": 60,
     "neighbours": 8,
-    "last_leg": "stop",
+    # Everything is of interest, and a measurement tells little of what is not near it.
+    "threshold": -10.0,
+    "length_scale": 0.15,
     "obstacles": (((0.4, 0.4), (0.6, 0.4), (0.6, 0.6)),),
 }
 EDGES, CORNERS, POINTS, VERTICES = 192, 64, 128, 128
+
+# An agent whose measurements are this many times in a row around one place stays there.
+_WINDOW = 5
 
 
 class Area(NamedTuple):
@@ -94,6 +99,7 @@ class Surveyed(NamedTuple):
     routes: list[np.ndarray]  # (k, 2) each
     crossed: int  # legs that enter a zone
     unmeasured: float  # part of the reachable grid points that are far from every measurement
+    stuck: int  # times that an agent stayed around one place while such points remained
 
 
 class Surveyor:
@@ -144,6 +150,19 @@ class Surveyor:
             if len(moved) > 1:
                 crossed += int(obstacles.crosses(moved[:-1], moved[1:]).sum())
         reachable = shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])
-        taken = states.measurement_x[0][np.isfinite(states.measurement_time[0])]
-        far = np.linalg.norm(grid[reachable][:, None] - taken, axis=-1).min(axis=1) > 0.3
-        return Surveyed(states.odometer[0], routes, crossed, float(far.mean()))
+        places, times = states.measurement_x[0], states.measurement_time[0]
+        stuck = 0
+        for agent in range(AGENTS):
+            for s in range(places.shape[1] - _WINDOW + 1):
+                window = places[agent, s : s + _WINDOW]
+                if not np.isfinite(times[agent, s + _WINDOW - 1]):
+                    continue
+                confined = np.linalg.norm(window - window.mean(axis=0), axis=1).max() < 0.1
+                end = times[agent, s + _WINDOW - 1]
+                stuck += bool(confined and _far(grid[reachable], places[times <= end]) > 0.05)
+        return Surveyed(states.odometer[0], routes, crossed, _far(grid[reachable], places[np.isfinite(times)]), stuck)
+
+
+def _far(points: np.ndarray, measured: np.ndarray) -> float:
+    """Part of the points that are far from every measurement."""
+    return float((np.linalg.norm(points[:, None] - measured, axis=-1).min(axis=1) > 0.25).mean())

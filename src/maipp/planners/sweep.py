@@ -31,7 +31,7 @@ def clipped_sweep(
 
     As many `corners` as the zones have with padding; padded to at least that many `points` and `vertices`.
     """
-    free, agents = free_space(scenario), scenario.agents
+    free, agents = free_space(scenario.obstacles, scenario.extent), scenario.agents
     width, height = scenario.extent
     strip, gap = width / agents, height / rows
     ends: list[np.ndarray] = []

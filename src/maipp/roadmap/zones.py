@@ -21,6 +21,8 @@ from maipp.roadmap.obstacles import Obstacles
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
 
+Polygons = tuple[tuple[tuple[float, float], ...], ...]
+
 # How far legs keep from a zone, longest sides of the extent. A passage of less than twice this is closed.
 CLEARANCE = 1e-3
 
@@ -50,17 +52,14 @@ class Zones(eqx.Module):
 
 
 class FreeSpace:
-    """What the no-go zones of a scenario leave free, on the host: geometry, and shortest ways.
+    """What no-go zones leave free of [0, width] x [0, height], on the host: geometry, and shortest ways."""
 
-    Raises InputError for polygons that are none.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        size = max(scenario.extent)
+    def __init__(self, obstacles: Obstacles, extent: tuple[float, float]) -> None:
+        size = max(extent)
         self.clearance = CLEARANCE * size
-        box = shapely.box(0.0, 0.0, *scenario.extent)
+        box = shapely.box(0.0, 0.0, *extent)
         # What lies far outside the domain would only cost float32 digits.
-        union = shapely.intersection(Obstacles(scenario.obstacles).union, box.buffer(0.1 * size, join_style="mitre"))
+        union = shapely.intersection(obstacles.union, box.buffer(0.1 * size, join_style="mitre"))
         grown = _grown(union, self.clearance).simplify(self.clearance / 3)
         # An agent within the clearance is stopped by the zones themselves.
         self.edges = np.concatenate([_edges(grown, box), _edges(union, box)])  # (e, 2, 2)
@@ -85,9 +84,9 @@ class FreeSpace:
 
 
 @lru_cache(maxsize=8)
-def free_space(scenario: Scenario) -> FreeSpace:
-    """The free space of a scenario with no-go zones, made once."""
-    return FreeSpace(scenario)
+def free_space(polygons: Polygons, extent: tuple[float, float]) -> FreeSpace:
+    """The free space between these no-go zones, made once. Raises InputError for polygons that are none."""
+    return FreeSpace(Obstacles(polygons), extent)
 
 
 def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | None:
@@ -97,7 +96,7 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
     """
     if not scenario.obstacles:
         return None
-    free = free_space(scenario)
+    free = free_space(scenario.obstacles, scenario.extent)
     size = max(scenario.extent)
     places, reached = free.moved_out(np.asarray(evaluation_grid(scenario.grid, scenario.extent), np.float64))
     to_place = np.where(reached, free.ways_to(places), np.inf)
