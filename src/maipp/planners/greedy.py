@@ -11,9 +11,8 @@ from maipp.planners.told import count_told
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Array, Float, Index, Key
 
-# Among no-go zones a node farther away is headed for if it is worth this many times the best neighbour, each for the
-# length of the way to it.
-_FAR_MORE = 2.0
+# Among no-go zones, nodes nearer than this, in measurement intervals, are passed over where there are others.
+_APART = 0.1
 
 
 class Greedy(Planner):
@@ -48,6 +47,10 @@ class Greedy(Planner):
             here.allowed[:, None],
             virtual_value=self.scenario.virtual_value,
         )
+        if self.scenario.obstacles:
+            # To and fro between two nodes that all but coincide would fill the agent's record before it gets anywhere.
+            apart = here.allowed & (here.lengths > _APART * self.scenario.measurement_interval)
+            score = jnp.where(apart | ~apart.any(), score, jnp.inf)
         best = jnp.argmin(jnp.where(here.allowed, score, jnp.inf))
         if self.scenario.obstacles:
             best = self._out_of_traps(observation, belief, here, score, best)
@@ -59,7 +62,7 @@ class Greedy(Planner):
     def _out_of_traps(
         self, observation: Observation, belief: Belief, here: Edges, score: Float[Array, " k"], best: Index
     ) -> Index:
-        """The best neighbour, or the one on the way to a node farther away that is worth far more for its length.
+        """The best neighbour, or the one on the way to a node farther away that is worth more for its length.
 
         Among no-go zones the neighbours may all be in a bay that is measured already, and the best of them is then no
         better than any other.
@@ -79,5 +82,5 @@ class Greedy(Planner):
         rate = jnp.where(length <= observation.remaining, (now - after) / (length + interval), -jnp.inf)
         goal = jnp.argmax(rate)
         onward = jnp.where(here.allowed, here.lengths + lengths_to(roadmap, goal)[here.target_nodes], jnp.inf)
-        leave = rate[goal] > _FAR_MORE * (now - score[best]) / (here.lengths[best] + interval)
+        leave = rate[goal] > (now - score[best]) / (here.lengths[best] + interval)
         return jnp.where(leave & jnp.isfinite(onward).any(), jnp.argmin(onward), best)
