@@ -11,7 +11,7 @@ _ROUNDING = 0.02
 
 
 def free_share(zones: Zones, start: Float[Array, "*#c 2"], end: Float[Array, "*#c 2"]) -> Float[Array, "*c"]:
-    """The part in [0, 1] of each straight leg that keeps out of the zones, up to a margin before the edge that it meets.
+    """The part in [0, 1] of each straight leg that keeps out of the zones, to a margin before the edge that it meets.
 
     An edge stops only what comes from its free side, so whoever stands within the clearance of a zone, or has drifted
     into it, may leave. No slope passes.

@@ -99,7 +99,9 @@ class IntentSearch(PolicyPlanner, LegPlanner):
             proposals=self._proposals(situation, paths, offsets),
         )
         leg = self.first_leg(observation, belief, plans.best, steps, offsets, affordable)
-        message = Announcement(leg.points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf))
+        message = Announcement(
+            leg.points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
+        )
         left = LegMemory(jnp.roll(within_leg(leg.plan), -1, axis=0), heard)
         return Decision(leg.way, message, SearchMemory(insight.memory, left))
 

@@ -84,7 +84,9 @@ class Lawnmower(PlanePlanner):
         order = sweep.order[observation.agent, variant]
         ways = ways_from(zones, here, sweep.points[order], sweep.onward[:, order])
         ahead = jnp.arange(len(order)) >= memory
-        ahead &= sweep.valid[observation.agent, variant] & jnp.isfinite(ways.length) & (ways.length > DISTANCE_TOLERANCE)
+        ahead &= (
+            sweep.valid[observation.agent, variant] & jnp.isfinite(ways.length) & (ways.length > DISTANCE_TOLERANCE)
+        )
         following = jnp.argmax(ahead).astype(jnp.int32)
         way = waypoints(zones, ways, following)
         arrived = (way[-1] == ways.ends[following]).all()

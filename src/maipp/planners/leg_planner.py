@@ -143,9 +143,9 @@ class LegPlanner(PlanePlanner):
     ) -> FirstLeg:
         """The first leg of a plan, from where the due agent is; what `belief` counts as measured is worth nothing.
 
-        `steps` and `offsets` (domain units) are the legs' lengths and the distances to the next measurements. Where there are no-go zones, the agent may
-        set out for something farther away that is worth more for the way to it, and never stands still before its
-        budget is spent.
+        `steps` and `offsets` (domain units) are the lengths of the legs and the distances to the next measurements.
+        Where there are no-go zones, the agent may set out for something farther away that is worth more for the way to
+        it, and does not stand still before its budget is spent.
         """
         position = observation.position
         points = self.walked(position, plan, steps)

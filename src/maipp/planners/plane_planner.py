@@ -1,7 +1,9 @@
 """What every planner in the plane shares: the no-go zones that its legs keep out of."""
 
 import equinox as eqx
+import numpy as np
 
+from maipp.roadmap import Obstacles, check_starts
 from maipp.roadmap.zones import Zones, zones_of
 from maipp.simulator.decision import Planner
 
@@ -18,5 +20,11 @@ class PlanePlanner(Planner):
     avoids_obstacles = True
 
     def __post_init__(self) -> None:
-        if self.zones is None:
+        if self.zones is None and self.scenario.obstacles:
+            if self.scenario.starts is not None:
+                check_starts(
+                    np.asarray(self.scenario.starts),
+                    np.asarray(self.scenario.extent),
+                    Obstacles(self.scenario.obstacles),
+                )
             self.zones = zones_of(self.scenario)

@@ -66,18 +66,20 @@ def joined(
     reachable: Bool[np.ndarray, "n k"],
     obstacles: Obstacles,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Neighbours, distances and which are reachable, with edges added until all nodes in sight of each other are joined."""
+    """Neighbours, distances and which are reachable, with edges added until all that is joined by sight is by edges."""
     order, distances, reachable = order.copy(), distances.copy(), reachable.copy()
     lengths = _in_sight(nodes, obstacles)
-    start, end = np.nonzero(np.isfinite(np.triu(np.where(lengths > 0, lengths, np.inf), 1)))
+    start, end = np.triu_indices(len(nodes), 1)
+    seen = np.isfinite(lengths[start, end]) & (lengths[start, end] > 0)
+    start, end = start[seen], end[seen]
     shortest = np.argsort(lengths[start, end], kind="stable")
-    start, end = start[shortest], end[shortest]
+    pairs = list(zip(start[shortest].tolist(), end[shortest].tolist(), strict=True))
     added = np.zeros(order.shape, bool)
     for _ in range(_ROUNDS):
         count, label = _parts(order, reachable)
         if count == 1:
             break
-        for i, j in zip(start, end, strict=True):
+        for i, j in pairs:
             if label[i] != label[j]:
                 _add(i, j, lengths, order, distances, reachable, added)
                 _add(j, i, lengths, order, distances, reachable, added)
@@ -88,7 +90,13 @@ def joined(
 
 
 def _add(
-    i: int, j: int, lengths: np.ndarray, order: np.ndarray, distances: np.ndarray, reachable: np.ndarray, added: np.ndarray
+    i: int,
+    j: int,
+    lengths: np.ndarray,
+    order: np.ndarray,
+    distances: np.ndarray,
+    reachable: np.ndarray,
+    added: np.ndarray,
 ) -> None:
     """Join node i to node j, in place of a hidden neighbour or else of the farthest."""
     if (reachable[i] & (order[i] == j)).any():

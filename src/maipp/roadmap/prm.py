@@ -111,7 +111,7 @@ def sample_roadmaps(
     if nodes < 2:
         raise InputError(f"nodes is {nodes}; a roadmap needs at least 2, the start and one other")
     obstacles = _obstacles(obstacles)
-    _check_starts(starts, size, obstacles)
+    check_starts(starts, size, obstacles)
     points = np.empty((len(starts), nodes, 2))
     points[:, 0] = starts
     if len(obstacles):
@@ -198,7 +198,8 @@ def _without_traps(roadmap: Roadmap, extent: Sequence[float], obstacles: Obstacl
     return Roadmap(points, *edges)
 
 
-def _check_starts(starts: np.ndarray, size: np.ndarray, obstacles: Obstacles) -> None:
+def check_starts(starts: Float[np.ndarray, "b 2"], size: Float[np.ndarray, "2"], obstacles: Obstacles) -> None:
+    """Raise InputError for a start outside [0, width] x [0, height] = `size`, or inside an obstacle."""
     outside = ~((starts >= 0) & (starts <= size)).all(axis=1)
     if outside.any():
         raise InputError(

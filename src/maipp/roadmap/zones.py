@@ -47,7 +47,9 @@ class Zones(eqx.Module):
     legs: Float[Array, "v v"]  # length of the straight leg between two corners, inf where a zone is between them
     ways: Float[Array, "v v"]  # length of the shortest way
     places: Float[Array, "q 2"]  # the points of the evaluation grid, those at the edge of a zone moved out of it
-    to_place: Float[Array, "v q"]  # length of the shortest way from each corner to each of them, inf where there is none
+    to_place: Float[
+        Array, "v q"
+    ]  # length of the shortest way from each corner to each of them, inf where there is none
     margin: float = eqx.field(static=True)  # legs end this far before an edge, domain units
 
 
@@ -80,7 +82,7 @@ class FreeSpace:
         if self.outside.is_empty:
             return points, np.zeros(len(points), bool)
         lines = shapely.shortest_line(self.outside, shapely.points(points))
-        return shapely.get_coordinates(lines)[::2], shapely.length(lines) <= 3 * self.clearance
+        return shapely.get_coordinates(lines)[::2], np.asarray(shapely.length(lines) <= 3 * self.clearance)
 
 
 @lru_cache(maxsize=8)
