@@ -75,7 +75,7 @@ def test_bent_legs_and_whole_plans_keep_out(seed):
     np.testing.assert_allclose(way[~straight], 0.2, atol=1e-5)
 
 
-def test_whoever_stands_on_a_border_may_go_along_and_away_but_not_in():
+def test_whoever_stands_on_a_border_may_go_away_but_not_in():
     zones = zones_of(Scenario(obstacles=(SQUARE,)))
     start = jnp.array([[0.25, 0.5], [0.5, 0.25], [0.2495, 0.5]])
     away = jnp.array([[0.05, 0.6], [0.6, 0.05], [0.05, 0.4]])

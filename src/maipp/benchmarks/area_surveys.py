@@ -22,6 +22,9 @@ from maipp.typing import Float
 # An agent whose measurements are this many times in a row within this distance of their middle stays in one place.
 _WINDOW, _PLACE = 5, 0.1
 
+# What float32 may round positions by, domain units.
+_ROUNDING = 1e-6
+
 # A point farther than this from every measurement is unmeasured, domain units; a part of this size is worth going to.
 _UNMEASURED, _WORTH_GOING = 0.25, 0.05
 
@@ -92,9 +95,14 @@ class Surveyor:
 
 
 def _crossed(obstacles: Obstacles, route: Float[np.ndarray, "k 2"]) -> int:
-    """Legs of a route that enter a zone."""
+    """Legs of a route that enter a zone; one that sets out from a border may do so by what float32 rounds."""
     moves = (np.diff(route, axis=0) != 0).any(axis=1)
-    return int(obstacles.crosses(route[:-1][moves], route[1:][moves]).sum())
+    start, end = route[:-1][moves], route[1:][moves]
+    crossing = np.flatnonzero(obstacles.crosses(start, end))
+    if shapely.distance(obstacles.union, shapely.Point(route[0])) < _ROUNDING:
+        legs = shapely.linestrings(np.stack([start, end], axis=1)[crossing])
+        crossing = crossing[shapely.length(shapely.intersection(obstacles.union, legs)) > _ROUNDING]
+    return len(crossing)
 
 
 def _stays(

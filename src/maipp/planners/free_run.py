@@ -26,12 +26,15 @@ def free_share(zones: Zones, start: Float[Array, "*#c 2"], end: Float[Array, "*#
     margin, rounding = zones.margin, _ROUNDING * zones.margin
     # Within the margin of the line the leg is between these two shares of it.
     first = jnp.clip((height - margin) * per_fall, 0.0, 1.0)
-    last = jnp.clip(height * per_fall, 0.0, 1.0)
+    last = jnp.where(fall > 0.0, jnp.clip(height * per_fall, 0.0, 1.0), 1.0)
     one, other = ahead + first * advance, ahead + last * advance
     beside = (jnp.maximum(one, other) < -rounding) | (jnp.minimum(one, other) > zones.length + rounding)
-    # From a corner past the end of an edge: if that leads into the zone, the other edge of the corner stops it.
-    leaves = ((ahead < rounding) & (advance < 0.0)) | ((ahead > zones.length - rounding) & (advance > 0.0))
-    meets = (fall > 0.0) & (height >= -rounding) & (height - fall < margin) & ~beside & ~leaves
+    # From a sharp corner past the end of an edge: if that leads into the zone, the other edge of the corner stops it.
+    leaves = (ahead < rounding) & (advance < 0.0) & zones.sharp[:, 0]
+    leaves |= (ahead > zones.length - rounding) & (advance > 0.0) & zones.sharp[:, 1]
+    # Along the line itself, rounding may hide a fall.
+    falls = fall > jnp.where(height < rounding, -0.5 * rounding, 0.0)
+    meets = falls & (height >= -rounding) & (height - fall < margin) & ~beside & ~leaves
     return jnp.min(jnp.where(meets, first, 1.0), axis=-1)
 
 

@@ -19,7 +19,7 @@ from shapely.geometry.polygon import orient
 from maipp.fields import evaluation_grid
 from maipp.roadmap.obstacles import Obstacles
 from maipp.scenario import Scenario
-from maipp.typing import Array, Float
+from maipp.typing import Array, Bool, Float
 
 Polygons = tuple[tuple[tuple[float, float], ...], ...]
 
@@ -43,6 +43,7 @@ class Zones(eqx.Module):
     begin: Float[Array, "e 2"]  # where each edge of a border begins, domain units
     along: Float[Array, "e 2"]  # its direction, a unit vector; the free side is to its left
     length: Float[Array, " e"]  # domain units
+    sharp: Bool[Array, "e 2"]  # whether the zone is on the inner side of the corner at its begin, and at its end
     corners: Float[Array, "v 2"]  # where shortest ways turn
     legs: Float[Array, "v v"]  # length of the straight leg between two corners, inf where a zone is between them
     ways: Float[Array, "v v"]  # length of the shortest way
@@ -50,6 +51,7 @@ class Zones(eqx.Module):
     to_place: Float[
         Array, "v q"
     ]  # length of the shortest way from each corner to each of them, inf where there is none
+    to_middle: Float[Array, "g g"]  # length of the shortest way from the grid's points (x, y) to the domain's middle
     margin: float = eqx.field(static=True)  # legs end this far before an edge, domain units
 
 
@@ -64,7 +66,9 @@ class FreeSpace:
         union = shapely.intersection(obstacles.union, box.buffer(0.1 * size, join_style="mitre"))
         grown = _grown(union, self.clearance).simplify(self.clearance / 3)
         # An agent within the clearance is stopped by the zones themselves.
-        self.edges = np.concatenate([_edges(grown, box), _edges(union, box)])  # (e, 2, 2)
+        borders = [_edges(each, box) for each in (grown, union)]
+        self.edges = np.concatenate([edges for edges, _ in borders])  # (e, 2, 2)
+        self.sharp = np.concatenate([sharp for _, sharp in borders])  # (e, 2), as in `Zones`
         self.outside = shapely.difference(box, _grown(grown, _CORNER * self.clearance))  # where ways may end
         self._core = grown.buffer(_SIGHT * self.clearance, quad_segs=2)
         self.corners = _corners(grown, self._core, box, self.clearance)  # (v, 2), where shortest ways turn
@@ -76,6 +80,12 @@ class FreeSpace:
     def ways_to(self, points: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "v t"]:
         """Length of the shortest way from each corner to each point of `outside`, domain units; inf: there is none."""
         return _shortest(self.legs, _lengths(self.corners, points, self._core))
+
+    def lengths_to(self, points: Float[np.ndarray, "q 2"], end: Float[np.ndarray, "2"]) -> Float[np.ndarray, " q"]:
+        """Length of the shortest way from each point of `outside` to another one, domain units; inf: there is none."""
+        straight = _lengths(points, end[None], self._core)[:, 0]
+        around = _lengths(points, self.corners, self._core) + self.ways_to(end[None])[:, 0]
+        return np.minimum(straight, around.min(axis=1, initial=np.inf))
 
     def moved_out(self, points: Float[np.ndarray, "q 2"]) -> tuple[np.ndarray, np.ndarray]:
         """Points at the edge of a zone moved to where ways may end; True for all but those too deep in a zone."""
@@ -109,6 +119,7 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
     return Zones(
         begin=padded(free.edges[:, 0], (e, 2), 0.0),
         along=padded(along / length[:, None], (e, 2), 0.0),
+        sharp=padded(free.sharp, (e, 2), False),
         # Shorter than nothing by more than any tolerance: never met.
         length=padded(length, (e,), -1e3 * size),
         corners=padded(free.corners, (v, 2), -size),
@@ -117,8 +128,33 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
         # A place that cannot be reached must not seem to be in sight either.
         places=jnp.asarray(np.where(reached[:, None], places, -size), jnp.result_type(float)),
         to_place=padded(to_place, (v, len(places)), np.inf),
+        to_middle=jnp.asarray(
+            _to_middle(free, scenario, places, reached).reshape(scenario.grid, scenario.grid), jnp.result_type(float)
+        ),
         margin=_MARGIN * free.clearance,
     )
+
+
+def _to_middle(free: FreeSpace, scenario: Scenario, places: np.ndarray, reached: np.ndarray) -> np.ndarray:
+    """Length of the shortest way (q,) from each place to the middle of the domain, or to what is free next to it.
+
+    Of the free parts the one of the first start, or the largest. Places without a way count as the nearest with one.
+    """
+    middle = 0.5 * np.asarray(scenario.extent)
+    parts = shapely.get_parts(free.outside)
+    if not len(parts):
+        return np.linalg.norm(places - middle, axis=1)
+    sizes = shapely.area(parts)
+    if scenario.starts is not None:
+        sizes = -shapely.distance(parts, shapely.Point(scenario.starts[0]))
+    near = shapely.get_coordinates(shapely.shortest_line(parts[np.argmax(sizes)], shapely.Point(middle)))[0]
+    lengths = np.where(reached, free.lengths_to(places, near), np.inf)
+    found = np.isfinite(lengths)
+    if not found.any():
+        return np.linalg.norm(places - middle, axis=1)
+    offset = np.linalg.norm(places[:, None] - places[found], axis=-1)
+    nearest = np.argmin(offset, axis=1)
+    return np.where(found, lengths, lengths[found][nearest] + offset[np.arange(len(places)), nearest])
 
 
 def _grown(zones: BaseGeometry, by: float) -> BaseGeometry:
@@ -132,12 +168,24 @@ def _rings(zones: BaseGeometry) -> list[np.ndarray]:
     return [np.asarray(ring.coords) for part in polygons for ring in (part.exterior, *part.interiors)]
 
 
-def _edges(zones: BaseGeometry, box: BaseGeometry) -> np.ndarray:
-    """The edges (e, 2, 2) of the borders, without those that lie outside the domain."""
-    edges = [np.stack([ring[:-1], ring[1:]], axis=1) for ring in _rings(zones)]
-    every = np.concatenate([np.empty((0, 2, 2)), *edges])
-    every = every[(every[:, 0] != every[:, 1]).any(axis=1)]
-    return every[shapely.intersects(box, shapely.linestrings(every))] if len(every) else every
+def _edges(zones: BaseGeometry, box: BaseGeometry) -> tuple[np.ndarray, np.ndarray]:
+    """The edges (e, 2, 2) of the borders, without those that lie outside the domain, and which ends are sharp (e, 2)."""
+    edges, sharp = [np.empty((0, 2, 2))], [np.empty((0, 2), bool)]
+    for ring in _rings(zones):
+        ring = ring[:-1]
+        ring = ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)]
+        edges.append(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1))
+        corner = _sharp(ring)
+        sharp.append(np.stack([corner, np.roll(corner, -1)], axis=1))
+    every, ends = np.concatenate(edges), np.concatenate(sharp)
+    inside = shapely.intersects(box, np.asarray(shapely.linestrings(every))) if len(every) else np.zeros(0, bool)
+    return every[inside], ends[inside]
+
+
+def _sharp(ring: np.ndarray) -> np.ndarray:
+    """At which vertices (k, 2) of a border the zone is on the inner side of the turn."""
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0
 
 
 def _corners(grown: BaseGeometry, core: BaseGeometry, box: BaseGeometry, clearance: float) -> np.ndarray:
@@ -146,9 +194,7 @@ def _corners(grown: BaseGeometry, core: BaseGeometry, box: BaseGeometry, clearan
     while True:
         found = [np.empty((0, 2))]
         for ring in _rings(_grown(grown, away)):
-            before, after = ring[:-1] - np.roll(ring[:-1], 1, axis=0), np.diff(ring, axis=0)
-            outward = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0
-            found.append(ring[:-1][outward])
+            found.append(ring[:-1][_sharp(ring[:-1])])
         corners = np.concatenate(found)
         corners = corners[shapely.intersects_xy(box, corners[:, 0], corners[:, 1])]
         corners = corners[~shapely.intersects_xy(core, corners[:, 0], corners[:, 1])]
