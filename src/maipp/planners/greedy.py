@@ -79,7 +79,9 @@ class Greedy(Planner):
             virtual_value=self.scenario.virtual_value,
         )
         length = lengths_from(roadmap, here.node)
-        rate = jnp.where(length <= observation.remaining, (now - after) / (length + interval), -jnp.inf)
+        # The node it is on, too, is none to set out for.
+        away = (length > _APART * interval) & (length <= observation.remaining)
+        rate = jnp.where(away, (now - after) / (length + interval), -jnp.inf)
         goal = jnp.argmax(rate)
         onward = jnp.where(here.allowed, here.lengths + lengths_to(roadmap, goal)[here.target_nodes], jnp.inf)
         leave = rate[goal] > (now - score[best]) / (here.lengths[best] + interval)

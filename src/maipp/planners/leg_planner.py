@@ -115,7 +115,7 @@ class LegPlanner(PlanePlanner):
             )
             if meeting is None or remaining is None:
                 return left
-            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining, self.zones))
+            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining, zones=self.zones))
 
         return search(
             key,
@@ -191,7 +191,7 @@ class LegPlanner(PlanePlanner):
         in_time = jnp.asarray(True)
         if meeting is not None:
             late, later = (
-                lateness(meeting, position, each, steps, observation.remaining, zones)
+                lateness(meeting, position, each, steps, observation.remaining, zones=zones)
                 for each in (leg.points, points[0])
             )
             in_time = later <= late + 1e-6

@@ -67,6 +67,7 @@ def lateness(
     ends: Float[Array, "*c h 2"],
     steps: Float[Array, " h"],
     remaining: Float[Array, ""],
+    *,
     zones: Zones | None = None,
 ) -> Float[Array, "*c"]:
     """How much too late for the meeting a plan in the plane makes the agent, at the worst of its legs (domain units).

@@ -169,7 +169,7 @@ def _rings(zones: BaseGeometry) -> list[np.ndarray]:
 
 
 def _edges(zones: BaseGeometry, box: BaseGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """The edges (e, 2, 2) of the borders, without those that lie outside the domain, and which ends are sharp (e, 2)."""
+    """The edges (e, 2, 2) of the borders, but for those outside the domain, and which ends are sharp (e, 2)."""
     edges, sharp = [np.empty((0, 2, 2))], [np.empty((0, 2), bool)]
     for ring in _rings(zones):
         ring = ring[:-1]
