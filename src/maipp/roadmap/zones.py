@@ -231,7 +231,7 @@ def rounded(count: int, to: int) -> int:
     return -(-max(count, 1) // to) * to
 
 
-def padded(array: np.ndarray, shape: tuple[int, ...], value: float) -> Array:
+def padded(array: np.ndarray, shape: tuple[int, ...], value: float | int | bool) -> Array:
     """The array with `value` where it is shorter than `shape`, at JAX's precision."""
     full = np.full(shape, value, array.dtype)
     full[tuple(slice(0, n) for n in array.shape)] = array
