@@ -111,7 +111,7 @@ def test_the_way_to_the_meeting_leads_around_zones():
     assert meeting is not None and zones is not None
     # On points of the grid: one beside the meeting, one behind the wall.
     ends = jnp.array([[[0.6, 0.5]], [[0.3, 0.7]]])
-    late = lateness(meeting, jnp.array([0.3, 0.7]), ends, jnp.zeros(1), jnp.zeros(()), zones=zones)
+    late = lateness(meeting, jnp.array([0.3, 0.7]), ends, jnp.ones(1), jnp.ones(()), zones=zones)
     around = np.hypot(0.1, 0.5) + 0.05 + np.hypot(0.05, 0.3)
     np.testing.assert_allclose(late, [0.1 - 0.098, around - 0.098], atol=0.005)
     slope = jax.grad(lambda ends: lateness(meeting, ends[0, 0], ends, jnp.ones(1), jnp.ones(()), zones=zones).sum())(

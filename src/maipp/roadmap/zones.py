@@ -141,9 +141,9 @@ def _to_middle(free: FreeSpace, scenario: Scenario, places: np.ndarray, reached:
     Of the free parts the one of the first start, or the largest. Places without a way count as the nearest with one.
     """
     middle = 0.5 * np.asarray(scenario.extent)
-    parts = shapely.get_parts(free.outside)
-    if not len(parts):
+    if free.outside.is_empty:
         return np.linalg.norm(places - middle, axis=1)
+    parts = shapely.get_parts(free.outside)
     sizes = shapely.area(parts)
     if scenario.starts is not None:
         sizes = -shapely.distance(parts, shapely.Point(scenario.starts[0]))
