@@ -10,6 +10,7 @@ import pytest
 from maipp.benchmarks.evaluate import message_bytes
 from maipp.cli.planners import _typed
 from maipp.planners import make_planner, planner_class, planner_names, planner_options
+from maipp.planners.plane_planner import PlanePlanner
 from maipp.scenario import Scenario
 from maipp.simulator import State
 
@@ -54,8 +55,9 @@ def test_every_planner_has_its_section_and_its_line():
     overview = {cells[0].strip("`"): cells for cells in rows(PLANNERS.partition("\n## ")[0])}
     assert list(overview) == list(planner_names())
     for name, (_, moves, _, keeps_out) in overview.items():
-        bound = planner_class(name).avoids_obstacles
-        assert (moves == "on a roadmap") == bound and (keeps_out == "yes") == bound
+        planner = planner_class(name)
+        assert (moves == "in the plane") == issubclass(planner, PlanePlanner)
+        assert (keeps_out == "yes") == planner.avoids_obstacles
 
 
 @pytest.mark.parametrize("name", planner_names())

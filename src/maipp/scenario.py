@@ -118,7 +118,7 @@ class Scenario:
         (),
         checks.sequence(checks.polygon),
         Quantity("an obstacle", "domain units", "a list of polygons, each of at least 3 distinct [x, y]"),
-        meaning="polygons that no roadmap edge may cross",
+        meaning="no-go zones, polygons that no route enters",
         source=f"{_PAPER}, Sec. IV-A (named as an extension; none there)",
     )
     field: str | None = _option(

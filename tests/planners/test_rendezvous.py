@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous, spare
+from maipp.roadmap import zones_of
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
 from maipp.simulator.metrics import score_missions
@@ -101,3 +102,27 @@ def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
         assert (apart <= 0.4).all() and same.all()
     else:
         assert (apart > 0.4).any() and not same.all()
+
+
+def test_the_way_to_the_meeting_leads_around_zones():
+    wall = ((0.4, 0.2), (0.45, 0.2), (0.45, 1.0), (0.4, 1.0))
+    scenario = Scenario(comm_range=0.2, obstacles=(wall,), grid=21)
+    meeting, zones = rendezvous(scenario), zones_of(scenario)
+    assert meeting is not None and zones is not None
+    # On points of the grid: one beside the meeting, one behind the wall.
+    ends = jnp.array([[[0.6, 0.5]], [[0.3, 0.7]]])
+    late = lateness(meeting, jnp.array([0.3, 0.7]), ends, jnp.ones(1), jnp.ones(()), zones=zones)
+    around = np.hypot(0.1, 0.5) + 0.05 + np.hypot(0.05, 0.3)
+    np.testing.assert_allclose(late, [0.1 - 0.098, around - 0.098], atol=0.005)
+    slope = jax.grad(lambda ends: lateness(meeting, ends[0, 0], ends, jnp.ones(1), jnp.ones(()), zones=zones).sum())(
+        ends
+    )
+    assert np.isfinite(slope).all()
+
+
+def test_a_middle_in_a_zone_gives_way_to_what_is_free_next_to_it():
+    square = ((0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6))
+    zones = zones_of(Scenario(obstacles=(square,), grid=11, start=(0.1, 0.5)))
+    assert zones is not None and np.isfinite(zones.to_middle).all()
+    # Whichever side it is on, nobody has farther to go than around half of the square and to a corner of the domain.
+    assert float(zones.to_middle.max()) < 0.4 + np.hypot(0.5, 0.5)

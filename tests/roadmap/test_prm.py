@@ -82,9 +82,9 @@ def test_neighbours_are_the_nearest_others(seed, count, data):
 @settings(deadline=None, max_examples=30)
 @given(SEEDS)
 def test_kept_edges_never_enter_an_obstacle_and_are_the_nearest_in_sight(seed):
-    roadmap = sample_roadmap(
-        np.random.default_rng(seed), (0.0, 0.0), nodes=40, neighbours=6, obstacles=[SQUARE, TRIANGLE]
-    )
+    obstacles = [SQUARE, TRIANGLE]
+    nodes = sample_roadmap(np.random.default_rng(seed), (0.0, 0.0), nodes=40, neighbours=6, obstacles=obstacles).nodes
+    roadmap = build_roadmap(nodes, 6, obstacles)
     polygons = [Polygon(SQUARE), Polygon(TRIANGLE)]
     for i, node in enumerate(roadmap.nodes):
         legs = [LineString([node, other]) for other in roadmap.nodes]

@@ -2,7 +2,12 @@
 
 import jax.numpy as jnp
 
+from maipp.planners.free_run import cut, is_free
+from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Float
+
+# Places on the ellipse of a bent leg that are tried where there are no-go zones; a multiple of 4.
+_BENDS = 16
 
 
 def walk(
@@ -56,17 +61,21 @@ def walk_bent(
     displacements: Float[Array, "*c h 2"],
     steps: Float[Array, " h"],
     extent: tuple[float, float],
+    zones: Zones | None = None,
 ) -> Float[Array, "*c h 2"]:
     """Ends of legs that may bend, so that a leg of length `steps` (domain units) ends at most that far away.
 
     `displacements` are in units of the leg; longer ones are shortened to 1. A leg that would leave the domain ends at
-    the nearest point of its border. Smooth in the displacements between such points.
+    the nearest point of its border, one that would enter a no-go zone ends before it. Smooth in the displacements
+    between such points.
     """
     moves = steps[:, None] * within_leg(displacements)
     point = jnp.broadcast_to(start, (*displacements.shape[:-2], 2))
     points: list[Array] = []
     for i in range(displacements.shape[-2]):
-        point = jnp.clip(point + moves[..., i, :], 0.0, jnp.asarray(extent, start.dtype))
+        before, point = point, jnp.clip(point + moves[..., i, :], 0.0, jnp.asarray(extent, start.dtype))
+        if zones is not None:
+            point = cut(zones, before, point)
         points.append(point)
     return jnp.stack(points, axis=-2)
 
@@ -79,12 +88,18 @@ def within_leg(displacements: Float[Array, "*c 2"]) -> Float[Array, "*c 2"]:
 
 
 def bend(
-    start: Float[Array, "2"], end: Float[Array, "2"], length: Float[Array, ""], extent: tuple[float, float]
+    start: Float[Array, "2"],
+    end: Float[Array, "2"],
+    length: Float[Array, ""],
+    extent: tuple[float, float],
+    zones: Zones | None = None,
 ) -> Float[Array, "2"]:
     """Where a leg bends that takes `length` (domain units) from `start` to an `end` at most that far away.
 
     Of the four ends of the axes of the ellipse with these foci, the one that stays in the domain and nearest to its
     centre. Where a leg is longer than the domain is wide there may be none: the point is clipped, the way shorter.
+    With no-go zones more points of the ellipse are tried, and both parts of the way must keep out of them; where no
+    point does, the leg goes straight and is shorter.
     """
     size = jnp.asarray(extent, start.dtype)
     across = end - start
@@ -95,7 +110,13 @@ def bend(
     aside, ahead = minor * jnp.stack([-along[1], along[0]]), 0.5 * length * along
     middle = 0.5 * (start + end)
     corners = middle + jnp.stack([aside, -aside, ahead, -ahead])
+    if zones is not None:
+        angle = 2.0 * jnp.pi / _BENDS * jnp.arange(_BENDS)[:, None]
+        corners = middle + jnp.cos(angle) * ahead + jnp.sin(angle) * aside
     outside = jnp.sum(jnp.abs(corners - jnp.clip(corners, 0.0, size)), axis=-1)
     offset = jnp.sum((corners - 0.5 * size) ** 2, axis=-1)
+    if zones is not None:
+        allowed = (outside == 0) & is_free(zones, start, corners) & is_free(zones, end, corners)
+        return jnp.where(allowed.any(), corners[jnp.argmin(jnp.where(allowed, offset, jnp.inf))], end)
     best = jnp.argmin(jnp.where(outside > 0, 1e3 * (1.0 + outside), 0.0) + offset)
     return jnp.clip(corners[best], 0.0, size)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
-from maipp.planners.headings import bend, walk_bent, within_leg
+from maipp.planners.headings import within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import along_paths, measurement_offsets
 from maipp.planners.policy_paths import Paths, Situation
@@ -43,7 +43,9 @@ class IntentSearch(PolicyPlanner, LegPlanner):
     candidates: int = eqx.field(static=True, default=96)  # random plans scored
     distinct: bool = eqx.field(static=True, default=True)  # the paths' first steps differ, as far as they can
 
-    avoids_obstacles = False
+    def __post_init__(self) -> None:
+        PolicyPlanner.__post_init__(self)
+        LegPlanner.__post_init__(self)
 
     @property
     def waypoints_per_decision(self) -> int:
@@ -74,7 +76,7 @@ class IntentSearch(PolicyPlanner, LegPlanner):
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
         path_key, search_key = jax.random.split(key)
-        interval, extent, where = self.scenario.measurement_interval, self.scenario.extent, observation.position
+        interval, where = self.scenario.measurement_interval, observation.position
         offsets = measurement_offsets(observation.to_next_measurement, interval, self.horizon)
         steps = jnp.diff(offsets, prepend=0.0)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
@@ -96,12 +98,12 @@ class IntentSearch(PolicyPlanner, LegPlanner):
             remaining=observation.remaining,
             proposals=self._proposals(situation, paths, offsets),
         )
-        plan = plans.best
-        points = walk_bent(where, plan, steps, extent)
-        message = Announcement(points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf))
-        way = jnp.stack([bend(where, points[0], steps[0], extent), points[0]])
-        left = LegMemory(jnp.roll(within_leg(plan), -1, axis=0), heard)
-        return Decision(way, message, SearchMemory(insight.memory, left))
+        leg = self.first_leg(observation, belief, plans.best, steps, offsets, affordable)
+        message = Announcement(
+            leg.points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
+        )
+        left = LegMemory(jnp.roll(within_leg(leg.plan), -1, axis=0), heard)
+        return Decision(leg.way, message, SearchMemory(insight.memory, left))
 
     def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
         """The others' fused intent at the nodes: Gaussians fitted to what each has announced."""

@@ -4,21 +4,38 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from maipp.errors import InputError
+from maipp.planners.detour import TURNS, waypoints, ways_from
+from maipp.planners.plane_planner import PlanePlanner
+from maipp.planners.sweep import Sweep, clipped_sweep
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, Planner, PyTree
-from maipp.typing import Array, Float, Key
+from maipp.simulator.decision import Decision, Observation, PyTree
+from maipp.typing import Array, Float, Index, Key
 
 _MOST_ROWS = 32
 
 
-class Lawnmower(Planner):
+class Lawnmower(PlanePlanner):
     """Boustrophedon sweep of the agent's own strip `[i/m, (i+1)/m]` of the domain's width.
 
-    By default rows and margin are tuned to the budget, the same for every agent.
+    By default rows and margin are tuned to the budget, the same for every agent. Where there are no-go zones the rows
+    are clipped to what is free, agents go from piece to piece by the shortest way, and then on to the others' strips.
     """
 
     rows: int = eqx.field(static=True, default=0)  # rows per strip; 0 chooses by the budget
     margin: float = eqx.field(static=True, default=-1.0)  # row ends to strip sides, per strip width; < 0 by the budget
+
+    sweep: Sweep | None = eqx.field(default=None, kw_only=True)  # where there are no-go zones: what is left of the rows
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.zones is not None and self.sweep is None:
+            self.check()
+            self.sweep = clipped_sweep(self.scenario, *self.tuned(), self.zones.corners.shape[0])
+
+    @property
+    def waypoints_per_decision(self) -> int:
+        """One vertex; with no-go zones the turns on the way to it."""
+        return 1 if self.zones is None else TURNS
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
@@ -47,6 +64,8 @@ class Lawnmower(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The next vertex of the sweep; stops after the last."""
+        if self.zones is not None:
+            return self._next_piece(observation, memory)
         vertices = self._sweep(observation)
         # A vertex that coincides with the start would end the mission there.
         offset = vertices - observation.position
@@ -56,18 +75,42 @@ class Lawnmower(Planner):
         following = jnp.argmax(ahead).astype(jnp.int32)
         return Decision(vertices[following][None], (), following + 1, ~ahead.any())
 
-    def _sweep(self, observation: Observation) -> Float[Array, "v 2"]:
-        """Vertices of the agent's sweep."""
-        rows, margin = self.tuned()
+    def _next_piece(self, observation: Observation, memory: Index) -> Decision:
+        """The way to the next end of a piece of a row; stops after the last."""
+        zones, sweep, here = self.zones, self.sweep, observation.position
+        assert zones is not None and sweep is not None
+        _, _, from_right, from_top = self._strip(observation)
+        variant = 2 * from_top.astype(jnp.int32) + from_right.astype(jnp.int32)
+        order = sweep.order[observation.agent, variant]
+        ways = ways_from(zones, here, sweep.points[order], sweep.onward[:, order])
+        ahead = jnp.arange(len(order)) >= memory
+        ahead &= (
+            sweep.valid[observation.agent, variant] & jnp.isfinite(ways.length) & (ways.length > DISTANCE_TOLERANCE)
+        )
+        following = jnp.argmax(ahead).astype(jnp.int32)
+        way = waypoints(zones, ways, following)
+        arrived = (way[-1] == ways.ends[following]).all()
+        return Decision(way, (), jnp.where(arrived, following + 1, following), ~ahead.any())
+
+    def _strip(self, observation: Observation) -> tuple[Array, Array, Array, Array]:
+        """Both sides of the agent's rows, and whether its sweep begins from the right and from the top."""
+        _, margin = self.tuned()
         width, height = self.scenario.extent
         strip = width / self.scenario.agents
         left = strip * (observation.agent + margin)
         right = strip * (observation.agent + 1 - margin)
         start = observation.start
-        gap = height / rows
         # Begin at the nearest of the four corners of the sweep.
         from_right = jnp.abs(start[0] - right) < jnp.abs(start[0] - left)
         from_top = start[1] > height / 2
+        return left, right, from_right, from_top
+
+    def _sweep(self, observation: Observation) -> Float[Array, "v 2"]:
+        """Vertices of the agent's sweep."""
+        rows, _ = self.tuned()
+        height = self.scenario.extent[1]
+        left, right, from_right, from_top = self._strip(observation)
+        gap = height / rows
         vertex = jnp.arange(4 * rows - 2)
         row, second = vertex // 2, vertex % 2
         # What is left of the budget after the last row is spent on the way back, between the rows.

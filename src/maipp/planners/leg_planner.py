@@ -1,5 +1,7 @@
 """Planning one agent's next legs: what every continuous receding-horizon planner does."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
@@ -8,11 +10,14 @@ from jax.scipy.special import ndtr
 from maipp.belief import Belief
 from maipp.belief.interest import upper_confidence_bound
 from maipp.errors import InputError
-from maipp.planners.headings import walk, walk_bent
-from maipp.planners.lookahead import predicted
+from maipp.planners.detour import long_run
+from maipp.planners.headings import bend, walk, walk_bent
+from maipp.planners.lookahead import along_paths, predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
+from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
-from maipp.simulator.decision import Planner
+from maipp.planners.transit import best_transit, first_part
+from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Int, Key
 
 # Width of the border of the area by which grid points are picked for the search, field units.
@@ -28,7 +33,19 @@ _LATE = 50.0
 _NEAR = 0.6
 
 
-class LegPlanner(Planner):
+# A leg of less than this part of what it costs is worth looking for another one.
+_SHORT = 0.5
+
+
+class FirstLeg(NamedTuple):
+    """What an agent that has planned travels, and what it tells of its plan."""
+
+    way: Float[Array, "2 2"]  # the bend of its first leg, and the end
+    points: Float[Array, "h 2"]  # where it means to measure
+    plan: Float[Array, "h 2"]  # the legs, displacements in units of a leg
+
+
+class LegPlanner(PlanePlanner):
     """Finds the legs, one measurement each, with the lowest expected Tr(P)."""
 
     horizon: int = eqx.field(static=True, default=4)  # legs planned, one measurement each
@@ -81,9 +98,9 @@ class LegPlanner(Planner):
         plans that miss the meeting at the end are worth less, if `remaining` (domain units) tells when that is.
         `proposals` are plans to try besides random ones.
         """
+        extent = self.scenario.extent
         meeting = rendezvous(self.scenario) if self.meet else None
         known = belief.variance if known is None else known
-        ends = walk_bent if last.ndim == 2 else walk
         reach = jnp.sum(jnp.where(affordable, steps, 0.0))
         index = self.points_in_play(belief, inside, position, reach)
         coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
@@ -91,14 +108,14 @@ class LegPlanner(Planner):
         def value(
             belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "c h *d"]
         ) -> Float[Array, " c"]:
-            points = ends(position, plans, steps, self.scenario.extent)
+            points = self.walked(position, plans, steps) if last.ndim == 2 else walk(position, plans, steps, extent)
             taken = jnp.broadcast_to(affordable, points.shape[:-1])
             left = self.expected(
                 *predicted(belief, points, taken, virtual_value=self.scenario.virtual_value), known, inside
             )
             if meeting is None or remaining is None:
                 return left
-            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining))
+            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining, zones=self.zones))
 
         return search(
             key,
@@ -108,6 +125,84 @@ class LegPlanner(Planner):
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
             proposals=proposals,
         )
+
+    def walked(
+        self, position: Float[Array, "2"], plans: Float[Array, "*c h 2"], steps: Float[Array, " h"]
+    ) -> Float[Array, "*c h 2"]:
+        """Where the legs of plans end: displacements in units of a leg, from `position`."""
+        return walk_bent(position, plans, steps, self.scenario.extent, self.zones)
+
+    def first_leg(
+        self,
+        observation: Observation,
+        belief: Belief,
+        plan: Float[Array, "h 2"],
+        steps: Float[Array, " h"],
+        offsets: Float[Array, " h"],
+        affordable: Bool[Array, " h"],
+    ) -> FirstLeg:
+        """The first leg of a plan, from where the due agent is; what `belief` counts as measured is worth nothing.
+
+        `steps` and `offsets` (domain units) are the lengths of the legs and the distances to the next measurements.
+        Where there are no-go zones, the agent may set out for something farther away that is worth more for the way to
+        it, and does not stand still before its budget is spent.
+        """
+        position = observation.position
+        points = self.walked(position, plan, steps)
+        way = jnp.stack([bend(position, points[0], steps[0], self.scenario.extent, self.zones), points[0]])
+        leg = FirstLeg(way, points, plan)
+        return leg if self.zones is None else self._better(observation, belief, leg, offsets, affordable)
+
+    def _better(
+        self,
+        observation: Observation,
+        belief: Belief,
+        leg: FirstLeg,
+        offsets: Float[Array, " h"],
+        affordable: Bool[Array, " h"],
+    ) -> FirstLeg:
+        """The leg, or the beginning of the way to something that is worth more for its length, or any way out."""
+        zones, position, inside = self.zones, observation.position, observation.inside
+        assert zones is not None
+        steps, interval = jnp.diff(offsets, prepend=0.0), self.scenario.measurement_interval
+        known = observation.belief.variance
+        now = self.expected(belief.mean, belief.variance, known, inside)
+
+        def gain(points: Float[Array, "k i 2"], taken: Bool[Array, "k i"]) -> Float[Array, " k"]:
+            value = self.scenario.virtual_value
+            return now - self.expected(*predicted(belief, points, taken, virtual_value=value), known, inside)
+
+        planned = gain(leg.points[None], affordable[None])[0]
+        rate = planned / jnp.maximum(jnp.sum(jnp.where(affordable, steps, 0.0)), interval)
+        transit = best_transit(
+            zones,
+            position,
+            observation.remaining,
+            interval,
+            jnp.where(inside, self.worth(belief), 0.0),
+            lambda points: gain(points, jnp.ones(points.shape[:-1], bool)),
+        )
+        far = jnp.isfinite(transit.distance) & (transit.distance >= steps[0])
+        points, _ = along_paths(position, transit.path[None], offsets)
+        begins = jnp.concatenate([position[None], points[0, :-1]])
+        plan = (points[0] - begins) / jnp.maximum(steps, 1e-9)[:, None]
+        away = FirstLeg(first_part(position, transit.path, steps[0])[:2], points[0], plan)
+        meeting = rendezvous(self.scenario) if self.meet else None
+        in_time = jnp.asarray(True)
+        if meeting is not None:
+            late, later = (
+                lateness(meeting, position, each, steps, observation.remaining, zones=zones)
+                for each in (leg.points, points[0])
+            )
+            in_time = later <= late + 1e-6
+        leg = _either(far & in_time & (transit.rate > rate), away, leg)
+
+        # Walls on all sides can leave a plan hardly any way: better somewhere than nowhere.
+        end = long_run(zones, position, steps[0], self.scenario.extent)
+        run = FirstLeg(jnp.stack([end, end]), jnp.broadcast_to(end, leg.points.shape), jnp.zeros_like(leg.plan))
+        run = _either(far, away, run)
+        short = _length(position, leg.way) < _SHORT * jnp.minimum(steps[0], observation.remaining)
+        return _either(short & (_length(position, run.way) > _length(position, leg.way)), run, leg)
 
     def expected(
         self,
@@ -121,6 +216,11 @@ class LegPlanner(Planner):
         spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
         return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=self.blur)
 
+    def worth(self, belief: Belief) -> Float[Array, " q"]:
+        """How uncertain the grid points are, as far as they may be of high interest."""
+        bound = upper_confidence_bound(belief.mean, belief.variance, self.interest.beta, self.interest.rule)
+        return belief.variance * ndtr((bound - self.interest.threshold) / _BORDER)
+
     def points_in_play(
         self,
         belief: Belief,
@@ -129,8 +229,7 @@ class LegPlanner(Planner):
         reach: Float[Array, ""] | None = None,
     ) -> Int[Array, " i"]:
         """Indices of the grid points that matter most: uncertain, maybe of high interest, and within reach if given."""
-        bound = upper_confidence_bound(belief.mean, belief.variance, self.interest.beta, self.interest.rule)
-        weight = belief.variance * ndtr((bound - self.interest.threshold) / _BORDER)
+        weight = self.worth(belief)
         if position is not None and reach is not None:
             offset = belief.query - position
             far = jnp.sum(offset * offset, axis=-1) > (reach + _NEAR * self.scenario.length_scale) ** 2
@@ -141,3 +240,13 @@ class LegPlanner(Planner):
         x, y = jnp.divmod(jnp.arange(count), self.scenario.grid)
         weight = weight * (1.0 + (_LATTICE[0] * x + _LATTICE[1] * y) % 1.0)
         return lax.top_k(jnp.where(inside, weight, -1.0), min(self.points, count))[1]
+
+
+def _length(start: Float[Array, "2"], way: Float[Array, "w 2"]) -> Float[Array, ""]:
+    """Of the way from `start` through these waypoints, domain units."""
+    return jnp.sum(jnp.sqrt(jnp.sum(jnp.diff(way, axis=0, prepend=start[None]) ** 2, axis=-1)))
+
+
+def _either(first: Bool[Array, ""], one: FirstLeg, other: FirstLeg) -> FirstLeg:
+    """One leg if `first`, else the other."""
+    return FirstLeg(*(jnp.where(first, a, b) for a, b in zip(one, other, strict=True)))

@@ -12,7 +12,7 @@ from maipp.errors import InputError
 from maipp.scenario_checks import show
 
 # Fields of every planner that are not options: what it plans for, and the shape of what it answers.
-_NOT_OPTIONS = ("scenario", "waypoints_per_decision", "network")
+_NOT_OPTIONS = ("scenario", "waypoints_per_decision", "network", "zones", "sweep")
 
 _TRUE, _FALSE, _NONE = ("true", "yes", "on", "1"), ("false", "no", "off", "0"), ("none", "null")
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
-from maipp.planners.headings import bend, walk_bent, within_leg
+from maipp.planners.headings import within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
@@ -71,6 +71,7 @@ class RecedingHorizon(LegPlanner):
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         if self.joint:
             plan = plan_team(self, self.sweeps, key, observation, memory.plan, steps, affordable)
+            belief = with_announced(observation, observation.messages.legs, self.scenario.virtual_value)
         else:
             heard = latest(observation.heard, observation.messages, heard)
             belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
@@ -78,11 +79,9 @@ class RecedingHorizon(LegPlanner):
             where, left = observation.position, observation.remaining
             plans = self.plan_legs(key, belief, inside, where, memory.plan, steps, affordable, known, remaining=left)
             plan = plans.best
-        extent = self.scenario.extent
-        points = walk_bent(observation.position, plan, steps, extent)
+        leg = self.first_leg(observation, belief, plan, steps, offsets, affordable)
         times = jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
-        message = Announcement(points, times)
+        message = Announcement(leg.points, times)
         if self.joint:
             message = TeamPlan(message, observation.remaining - steps[0])
-        way = jnp.stack([bend(observation.position, points[0], steps[0], extent), points[0]])
-        return Decision(way, message, LegMemory(jnp.roll(within_leg(plan), -1, axis=0), heard))
+        return Decision(leg.way, message, LegMemory(jnp.roll(within_leg(leg.plan), -1, axis=0), heard))

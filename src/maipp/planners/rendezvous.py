@@ -7,7 +7,9 @@ it is heard by all others who do. On the way an agent may go wherever it can sti
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax import lax
 
+from maipp.roadmap import Zones
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float
 
@@ -65,18 +67,37 @@ def lateness(
     ends: Float[Array, "*c h 2"],
     steps: Float[Array, " h"],
     remaining: Float[Array, ""],
+    *,
+    zones: Zones | None = None,
 ) -> Float[Array, "*c"]:
     """How much too late for the meeting a plan in the plane makes the agent, at the worst of its legs (domain units).
 
-    Legs take `steps` of budget each and end at `ends`; the one on which the budget runs out is travelled in part.
+    Legs take `steps` of budget each and end at `ends`; the one on which the budget runs out is travelled in part. With
+    no-go zones the way to the meeting is the one around them.
     """
     spent = jnp.cumsum(steps)
     travelled = jnp.clip(remaining - (spent - steps), 0.0, steps)
     origin = jnp.broadcast_to(start, (*ends.shape[:-2], 1, 2))
     begins = jnp.concatenate([origin, ends[..., :-1, :]], axis=-2)
     reached = begins + (ends - begins) * (travelled / jnp.maximum(steps, 1e-9))[:, None]
-    squared = jnp.sum((reached - jnp.asarray(meeting.place)) ** 2, axis=-1)
-    away = jnp.sqrt(jnp.maximum(squared, 1e-12)) - meeting.radius
+    if zones is None:
+        squared = jnp.sum((reached - jnp.asarray(meeting.place)) ** 2, axis=-1)
+        away = jnp.sqrt(jnp.maximum(squared, 1e-12)) - meeting.radius
+    else:
+        away = _around(meeting, zones, reached) - meeting.radius
     late = jnp.maximum(jnp.maximum(away, 0.0) - jnp.maximum(remaining - spent, 0.0), 0.0)
     begun = (remaining > spent - steps) | (jnp.arange(len(steps)) == 0)
     return jnp.max(jnp.where(begun, late, 0.0), axis=-1)
+
+
+def _around(meeting: Rendezvous, zones: Zones, points: Float[Array, "*c 2"]) -> Float[Array, "*c"]:
+    """Length of the way from points to the meeting, between those from the points of the grid around (domain units)."""
+    last = zones.to_middle.shape[0] - 1
+    # The meeting is in the middle of the domain.
+    place = points / (2.0 * jnp.asarray(meeting.place, points.dtype)) * last
+    low = jnp.clip(jnp.floor(lax.stop_gradient(place)), 0, last - 1)
+    share, index = place - low, low.astype(jnp.int32)
+    x, y = index[..., 0], index[..., 1]
+    left = zones.to_middle[x, y] * (1.0 - share[..., 1]) + zones.to_middle[x, y + 1] * share[..., 1]
+    right = zones.to_middle[x + 1, y] * (1.0 - share[..., 1]) + zones.to_middle[x + 1, y + 1] * share[..., 1]
+    return left * (1.0 - share[..., 0]) + right * share[..., 0]

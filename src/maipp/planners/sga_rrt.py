@@ -1,6 +1,7 @@
 """`sga-rrt`: sequential greedy assignment over the branches of a random tree (paper Sec. IV-A, Table I)."""
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -8,13 +9,21 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.belief import Belief
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.lookahead import measurement_offsets, predicted_trace
+from maipp.planners.detour import long_run
+from maipp.planners.free_run import free_share
+from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_trace
+from maipp.planners.plane_planner import PlanePlanner
+from maipp.planners.transit import best_transit, first_part
+from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, Planner, PyTree
-from maipp.simulator.state import along
-from maipp.typing import Array, Float, Int, Key
+from maipp.simulator.decision import Decision, Observation, PyTree
+from maipp.typing import Array, Bool, Float, Int, Key
+
+# Samples that each node of the tree has where there are no-go zones, until one gives a free edge.
+_TRIES = 8
 
 
 class Tree(NamedTuple):
@@ -36,10 +45,16 @@ def grow_tree(
     extent: tuple[float, float],
     offsets: Float[Array, " h"],
     vertices: int,
+    zones: Zones | None = None,
 ) -> Tree:
-    """An RRT of `nodes` nodes with edges of length `branch` towards uniform samples (LaValle 1998)."""
+    """An RRT of `nodes` nodes with edges of length `branch` towards uniform samples (LaValle 1998).
+
+    An edge that would enter a no-go zone is not grown: of a few samples the first whose edge is free is taken, and only
+    where there is none the edge that goes farthest before it would enter one.
+    """
     sides = jnp.asarray(extent, root.dtype)
-    samples = jax.random.uniform(key, (nodes, 2), root.dtype) * sides
+    tries = () if zones is None else (_TRIES,)
+    samples = jax.random.uniform(key, (nodes, *tries, 2), root.dtype) * sides
     index = jnp.arange(nodes)
     tree = Tree(
         position=jnp.broadcast_to(root, (nodes, 2)),
@@ -49,15 +64,30 @@ def grow_tree(
         marks=jnp.broadcast_to(root, (nodes, offsets.shape[0], 2)),
     )
 
-    def grow(i: Int[Array, ""], tree: Tree) -> Tree:
-        offset = samples[i] - tree.position
+    def edge(i: Int[Array, ""], tree: Tree, sample: Float[Array, "2"]) -> tuple[Int[Array, ""], Float[Array, "2"]]:
+        """The node nearest to a sample, and the end of an edge from there towards it."""
+        offset = sample - tree.position
         squared = jnp.where(index < i, jnp.sum(offset * offset, axis=-1), jnp.inf)
         near = jnp.argmin(squared)
         distance = jnp.sqrt(squared[near])
-        start, begun = tree.position[near], tree.length[near]
+        start = tree.position[near]
         # Every edge is as long as a branch, past the sample if need be: with edges that end at the sample the tree
         # has fewer long paths, and Tr(P) at B = 2 is 47 instead of the paper's 39.
-        end = jnp.clip(start + (samples[i] - start) * (branch / jnp.maximum(distance, 1e-9)), 0.0, sides)
+        return near, jnp.clip(start + (sample - start) * (branch / jnp.maximum(distance, 1e-9)), 0.0, sides)
+
+    def free_edge(i: Int[Array, ""], tree: Tree) -> tuple[Int[Array, ""], Float[Array, "2"]]:
+        """The first free edge towards a sample, else the longest part of one."""
+        assert zones is not None
+        near, end = jax.vmap(partial(edge, i, tree))(samples[i])
+        start = tree.position[near]
+        share = free_share(zones, start, end)
+        run = share * jnp.sqrt(jnp.sum((end - start) ** 2, axis=-1))
+        best = jnp.argmax(jnp.where(share >= 1.0, branch, 0.99 * run))
+        return near[best], jnp.where(share[best] < 1.0, start[best] + share[best] * (end - start)[best], end[best])
+
+    def grow(i: Int[Array, ""], tree: Tree) -> Tree:
+        near, end = edge(i, tree, samples[i]) if zones is None else free_edge(i, tree)
+        start, begun = tree.position[near], tree.length[near]
         step = jnp.sqrt(jnp.sum((end - start) ** 2))
         crossed = (offsets > begun + DISTANCE_TOLERANCE) & (offsets <= begun + step + DISTANCE_TOLERANCE)
         share = jnp.clip((offsets - begun) / jnp.maximum(step, 1e-9), 0.0, 1.0)[:, None]
@@ -75,7 +105,7 @@ def grow_tree(
     return lax.fori_loop(1, nodes, grow, tree)
 
 
-class SgaRrt(Planner):
+class SgaRrt(PlanePlanner):
     """Among tree paths with a length in `lengths`, the one with the lowest predicted Tr(P); travel part of it, replan.
 
     Agents plan in sequence: each counts the measurements that the others have announced on their planned paths.
@@ -123,6 +153,7 @@ class SgaRrt(Planner):
             extent=self.scenario.extent,
             offsets=offsets,
             vertices=self.waypoints_per_decision,
+            zones=self.zones,
         )
         belief = with_announced(observation, observation.messages, self.scenario.virtual_value)
         low, high = self.lengths
@@ -144,12 +175,51 @@ class SgaRrt(Planner):
         )
         best = some[jnp.argmin(jnp.where(ranked > 0, score, jnp.inf))]
         times = jnp.where(taken[best], observation.time + offsets / observation.speed, jnp.inf)
-        waypoints = _first_part(observation.position, tree.vertices[best], self.execute)
-        return Decision(waypoints, Announcement(tree.marks[best], times), memory)
+        waypoints = first_part(observation.position, tree.vertices[best], self.execute)
+        marks = tree.marks[best]
+        if self.zones is not None:
+            left, length = jnp.min(jnp.where(ranked > 0, score, jnp.inf)), tree.length[best]
+            planned = (waypoints, marks, taken[best])
+            waypoints, marks, measured = self._better(observation, belief, planned, left, length, offsets, affordable)
+            times = jnp.where(measured, observation.time + offsets / observation.speed, jnp.inf)
+        return Decision(waypoints, Announcement(marks, times), memory)
 
+    def _better(
+        self,
+        observation: Observation,
+        belief: Belief,
+        planned: tuple[Array, Array, Array],
+        left: Float[Array, ""],
+        length: Float[Array, ""],
+        offsets: Float[Array, " h"],
+        affordable: Bool[Array, " h"],
+    ) -> tuple[Array, Array, Array]:
+        """Waypoints, marks and which of them are taken, for what lowers Tr(P) most for its length.
 
-def _first_part(start: Float[Array, "2"], vertices: Float[Array, "w 2"], length: float) -> Float[Array, "w 2"]:
-    """The path's vertices, cut where it is `length` long."""
-    path = jnp.concatenate([start[None], vertices])
-    reach = jnp.cumsum(jnp.sqrt(jnp.sum((path[1:] - path[:-1]) ** 2, axis=-1)))
-    return along(path, jnp.minimum(reach, length))
+        That is the planned path, of that `length`, which leaves Tr(P) at `left`, or the way to something farther away;
+        where neither leads anywhere, the longest straight leg.
+        """
+        zones, position, inside = self.zones, observation.position, observation.inside
+        assert zones is not None
+        interval, virtual = self.scenario.measurement_interval, self.scenario.virtual_value
+        area = self.interest.area(belief.mean, belief.variance, inside)
+        worth = jnp.where(area, belief.variance, 0.0)
+        now = jnp.sum(worth)
+
+        def gain(points: Float[Array, "k 1 2"]) -> Float[Array, " k"]:
+            taken = jnp.ones(points.shape[:-1], bool)
+            return now - predicted_trace(belief, self.interest, inside, points, taken, virtual_value=virtual)
+
+        transit = best_transit(zones, position, observation.remaining, interval, worth, gain)
+        far = jnp.isfinite(transit.distance) & (transit.distance >= self.execute)
+        points, _ = along_paths(position, transit.path[None], offsets)
+        away = first_part(position, transit.path, self.execute)[: self.waypoints_per_decision]
+        end = long_run(zones, position, jnp.asarray(self.execute, position.dtype), self.scenario.extent)
+        leave = far & (transit.rate > (now - left) / jnp.maximum(length, interval))
+        waypoints, marks, taken = planned
+        waypoints = jnp.where(leave, away, waypoints)
+        marks = jnp.where(leave, points[0], marks)
+        taken = jnp.where(leave, affordable & (offsets <= transit.distance), taken)
+        went = jnp.sum(jnp.sqrt(jnp.sum(jnp.diff(waypoints, axis=0, prepend=position[None]) ** 2, axis=-1)))
+        short = went < 0.1 * jnp.minimum(self.execute, observation.remaining)
+        return jnp.where(short, end, waypoints), marks, taken & ~short

@@ -8,7 +8,6 @@ from jax import lax
 
 from maipp.belief import Belief, extend
 from maipp.planners.announced import Announcement
-from maipp.planners.headings import walk_bent
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.plan_search import descend
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -57,7 +56,7 @@ def plan_team(
     value = planner.scenario.virtual_value
 
     def points(plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
-        return jax.vmap(lambda p, d, s: walk_bent(p, d, s, planner.scenario.extent))(team.base, plans, team.steps)
+        return jax.vmap(planner.walked)(team.base, plans, team.steps)
 
     def improve(i: Index, plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
         agent = (observation.agent + i) % agents

@@ -17,7 +17,9 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
+from maipp.roadmap.bridges import is_joined, joined, with_corners
 from maipp.roadmap.obstacles import Obstacles, Vertices
+from maipp.roadmap.zones import free_space
 from maipp.typing import Array, Bool, Float, Int
 
 AnyArray = Array | np.ndarray
@@ -82,7 +84,8 @@ def sample_roadmap(
 ) -> Roadmap:
     """The roadmap of `start` and `nodes - 1` uniform random points of [0, width] x [0, height].
 
-    With obstacles the points are uniform over the free region that can be reached from the start. Raises
+    With obstacles the points are uniform over the free region that can be reached from the start; where that leaves
+    nodes that cannot be reached from each other, `bridges` joins them. Raises
     InputError for a start outside the extent or inside an obstacle, for obstacles that leave next to nothing
     free, and as `build_roadmap`.
     """
@@ -108,15 +111,15 @@ def sample_roadmaps(
     if nodes < 2:
         raise InputError(f"nodes is {nodes}; a roadmap needs at least 2, the start and one other")
     obstacles = _obstacles(obstacles)
-    _check_starts(starts, size, obstacles)
+    check_starts(starts, size, obstacles)
     points = np.empty((len(starts), nodes, 2))
     points[:, 0] = starts
     if len(obstacles):
         for row, start in enumerate(starts):
             region = _reachable_region(start, size, obstacles)
             points[row, 1:] = _sample_region(rng, nodes - 1, size, region)
-    else:
-        points[:, 1:] = rng.random((len(starts), nodes - 1, 2)) * size
+        return _without_traps(build_roadmap(points, neighbours, obstacles), extent, obstacles)
+    points[:, 1:] = rng.random((len(starts), nodes - 1, 2)) * size
     return build_roadmap(points, neighbours, obstacles)
 
 
@@ -178,7 +181,25 @@ def _nearest_in_sight(nodes: np.ndarray, count: int, obstacles: Obstacles) -> tu
     return order, distances, reachable
 
 
-def _check_starts(starts: np.ndarray, size: np.ndarray, obstacles: Obstacles) -> None:
+def _without_traps(roadmap: Roadmap, extent: Sequence[float], obstacles: Obstacles) -> Roadmap:
+    """The roadmaps (b, n, ...), those changed where not all nodes can be reached from each other (`bridges`)."""
+    points, *edges = (np.array(a) for a in (roadmap.nodes, roadmap.neighbours, roadmap.distances, roadmap.reachable))
+    polygons = tuple(tuple(map(tuple, polygon.exterior.coords[:-1])) for polygon in obstacles.polygons)
+    for row, (order, distances, reachable) in enumerate(zip(*edges, strict=True)):
+        if is_joined(order, reachable):
+            continue
+        corners = free_space(polygons, (float(extent[0]), float(extent[1]))).corners
+        moved = with_corners(points[row], corners, obstacles)
+        if (moved != points[row]).any():
+            points[row] = moved
+            order, distances, reachable = _nearest_in_sight(moved, order.shape[1], obstacles)
+        for array, new in zip(edges, joined(moved, order, distances, reachable, obstacles), strict=True):
+            array[row] = new
+    return Roadmap(points, *edges)
+
+
+def check_starts(starts: Float[np.ndarray, "b 2"], size: Float[np.ndarray, "2"], obstacles: Obstacles) -> None:
+    """Raise InputError for a start outside [0, width] x [0, height] = `size`, or inside an obstacle."""
     outside = ~((starts >= 0) & (starts <= size)).all(axis=1)
     if outside.any():
         raise InputError(

@@ -1,0 +1,122 @@
+"""Surveys of random areas among no-go zones with one planner, compiled once for all of them."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import shapely
+
+from maipp.benchmarks.random_areas import AGENTS, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
+from maipp.planners import make_planner
+from maipp.planners.lawnmower import Lawnmower
+from maipp.planners.plane_planner import PlanePlanner
+from maipp.planners.sweep import clipped_sweep
+from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps, zones_of
+from maipp.scenario import Scenario
+from maipp.simulator import Mission, draw_missions, run_missions
+from maipp.typing import Float
+
+# An agent whose measurements are this many times in a row within this distance of their middle stays in one place.
+_WINDOW, _PLACE = 5, 0.1
+
+# What float32 may round positions by, domain units.
+_ROUNDING = 1e-6
+
+# A point farther than this from every measurement is unmeasured, domain units; a part of this size is worth going to.
+_UNMEASURED, _WORTH_GOING = 0.25, 0.05
+
+
+class Surveyed(NamedTuple):
+    """A survey of an area, on the host."""
+
+    odometer: Float[np.ndarray, " m"]  # distance travelled by each agent, domain units
+    routes: list[np.ndarray]  # vertices (k, 2) of each agent's route
+    crossed: int  # legs that enter a zone
+    unmeasured: float  # part of the reachable grid points that are far from every measurement
+    stuck: int  # times that an agent stayed around one place while such points remained
+
+
+class Surveyor:
+    """Surveys areas with one planner, compiled for the first of them."""
+
+    def __init__(self, name: str, options: dict[str, Any]) -> None:
+        self.common = Scenario(**COMMON)
+        self.planner = make_planner(name, self.common, options)
+        self.world = draw_missions(self.common, seed=3, instances=1, roadmaps=False)
+
+    def survey(self, area: Area, seed: int) -> Surveyed:
+        """One survey of the area; `seed` is that of the roadmaps and of the planner."""
+        scenario, planner, obstacles = area.scenario, self.planner, Obstacles(area.scenario.obstacles)
+        # What is static of a planner stays that of the common scenario; the zones are arrays.
+        if isinstance(planner, Lawnmower):
+            sweep = clipped_sweep(scenario, *planner.tuned(), CORNERS, POINTS, VERTICES)
+            planner = dataclasses.replace(planner, sweep=sweep)
+        if isinstance(planner, PlanePlanner):
+            planner = dataclasses.replace(planner, zones=zones_of(scenario, EDGES, CORNERS))
+        starts = np.asarray(scenario.starts, np.float32)
+        grid = np.asarray(self.world.grid[0], float)
+        inside = obstacles.free(grid)
+        roadmap = self._roadmap(area, starts, seed) if planner.uses_roadmap else None
+        mission: Mission = eqx.tree_at(
+            lambda mission: (mission.start, mission.inside, mission.roadmap),
+            self.world,
+            (jnp.asarray(starts)[None], jnp.asarray(inside)[None], roadmap),
+            is_leaf=lambda leaf: leaf is None,
+        )
+        states = jax.tree.map(np.asarray, run_missions(self.common, planner, mission, jax.random.key(seed)))
+        routes = [states.route[0, i, : states.route_length[0, i]].astype(float) for i in range(AGENTS)]
+        points = grid[shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])]
+        places, times = states.measurement_x[0], states.measurement_time[0]
+        return Surveyed(
+            odometer=states.odometer[0],
+            routes=routes,
+            crossed=sum(_crossed(obstacles, route) for route in routes),
+            unmeasured=_far(points, places[np.isfinite(times)]),
+            stuck=sum(_stays(points, places, times, agent) for agent in range(AGENTS)),
+        )
+
+    def _roadmap(self, area: Area, starts: Float[np.ndarray, "m 2"], seed: int) -> Roadmap:
+        """The agents' roadmaps of an area, (1, m, ...)."""
+        scenario, encodings = area.scenario, self.planner.encoding_dimensions
+        made = sample_roadmaps(
+            np.random.default_rng(seed),
+            starts,
+            nodes=scenario.nodes,
+            neighbours=scenario.neighbours,
+            obstacles=scenario.obstacles,
+        )
+        if encodings:
+            made = dataclasses.replace(made, encoding=laplacian_encoding(made, encodings))
+        real = jnp.result_type(float)
+        return jax.tree.map(lambda a: jnp.asarray(a, real if a.dtype.kind == "f" else None)[None], made)
+
+
+def _crossed(obstacles: Obstacles, route: Float[np.ndarray, "k 2"]) -> int:
+    """Legs of a route that enter a zone; one that sets out from a border may do so by what float32 rounds."""
+    moves = (np.diff(route, axis=0) != 0).any(axis=1)
+    start, end = route[:-1][moves], route[1:][moves]
+    crossing = np.flatnonzero(obstacles.crosses(start, end))
+    if shapely.distance(obstacles.union, shapely.Point(route[0])) < _ROUNDING:
+        legs = shapely.linestrings(np.stack([start, end], axis=1)[crossing])
+        crossing = crossing[shapely.length(shapely.intersection(obstacles.union, legs)) > _ROUNDING]
+    return len(crossing)
+
+
+def _stays(
+    points: Float[np.ndarray, "q 2"], places: Float[np.ndarray, "m s 2"], times: Float[np.ndarray, "m s"], agent: int
+) -> int:
+    """Times that an agent went on measuring around one place while a part of the points was unmeasured."""
+    count = 0
+    for first in range(places.shape[1] - _WINDOW + 1):
+        window, end = places[agent, first : first + _WINDOW], times[agent, first + _WINDOW - 1]
+        confined = np.linalg.norm(window - window.mean(axis=0), axis=1).max() < _PLACE
+        count += bool(np.isfinite(end) and confined and _far(points, places[times <= end]) > _WORTH_GOING)
+    return count
+
+
+def _far(points: Float[np.ndarray, "q 2"], measured: Float[np.ndarray, "n 2"]) -> float:
+    """Part of the points that are far from every measurement."""
+    return float((np.linalg.norm(points[:, None] - measured, axis=-1).min(axis=1) > _UNMEASURED).mean())

@@ -1,0 +1,57 @@
+"""The way to what is worth measuring beyond a planner's horizon: out of dead ends, around peninsulas and islands."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+
+from maipp.planners.detour import sight, waypoints, ways_from
+from maipp.roadmap.zones import Zones
+from maipp.simulator.state import along
+from maipp.typing import Array, Float, Point
+
+# Points of the evaluation grid to which ways are looked up, and of those the ones whose measurement is predicted.
+_LOOKED_UP, _PREDICTED = 96, 8
+
+
+class Transit(NamedTuple):
+    """The way to the point whose measurement pays most for its length."""
+
+    path: Float[Array, "w 2"]  # waypoints
+    distance: Float[Array, ""]  # to the point, domain units; inf where none is in reach
+    rate: Float[Array, ""]  # what a measurement there is worth, per domain unit of the way to it and one interval more
+
+
+def best_transit(
+    zones: Zones,
+    here: Point,
+    remaining: Float[Array, ""],
+    interval: float,
+    worth: Float[Array, " q"],
+    gain: Callable[[Float[Array, "k 1 2"]], Float[Array, " k"]],
+) -> Transit:
+    """The best transit within the `remaining` budget (domain units).
+
+    `worth` says roughly what points of the grid are worth, 0 where nothing; `gain` what a measurement would bring.
+    """
+    offset = zones.places - here
+    around = jnp.min(sight(zones, here)[:, None] + zones.to_place, axis=0)
+    # Whether a point is in sight is only asked of the best.
+    about = jnp.where(jnp.isfinite(around), around, jnp.sqrt(jnp.sum(offset * offset, axis=-1)))
+    some = lax.top_k(worth / (about + interval), min(_LOOKED_UP, len(worth)))[1]
+    ways = ways_from(zones, here, zones.places[some], zones.to_place[:, some])
+    in_reach = ways.length <= remaining
+    best = lax.top_k(jnp.where(in_reach, worth[some] / (ways.length + interval), -1.0), min(_PREDICTED, len(some)))[1]
+    length = ways.length[best]
+    rate = jnp.where(in_reach[best], gain(ways.ends[best][:, None]) / (length + interval), -jnp.inf)
+    chosen = jnp.argmax(rate)
+    distance = jnp.where(in_reach[best[chosen]], length[chosen], jnp.inf)
+    return Transit(waypoints(zones, ways, best[chosen]), distance, rate[chosen])
+
+
+def first_part(start: Point, path: Float[Array, "w 2"], length: Float[Array, ""] | float) -> Float[Array, "w 2"]:
+    """The path's waypoints, cut where it is `length` long (domain units)."""
+    whole = jnp.concatenate([start[None], path])
+    reach = jnp.cumsum(jnp.sqrt(jnp.sum((whole[1:] - whole[:-1]) ** 2, axis=-1)))
+    return along(whole, jnp.minimum(reach, length))
