@@ -6,11 +6,12 @@ It opens from disk in any browser of today, and needs no network: program, style
 import os
 
 from maipp.files import write_atomic
+from maipp.team.told import Told
 from maipp.viz.report_data import page_data
 from maipp.viz.report_frames import frames_of
 from maipp.viz.report_grid import map_grid
 from maipp.viz.report_page import page, plotly_program
-from maipp.viz.report_survey import SurveyReport, Told
+from maipp.viz.report_survey import SurveyReport
 
 __all__ = ["SurveyReport", "Told", "report_html", "write_report"]
 

@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
+from maipp.team.told import Told
 from maipp.typing import Float
 from maipp.viz.maps import inside_only
 from maipp.viz.report_frames import Frames, standing
 from maipp.viz.report_grid import MapGrid
-from maipp.viz.report_survey import SurveyReport, Told
+from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_units import decimals, length_unit, time_unit
 from maipp.viz.style import STD_MAP, VALUE_MAP, agent_colour, agent_line
 
@@ -58,8 +59,8 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
         "area": None if report.area is None else _places(np.asarray(report.area), digits),
         "no_go": [_places(np.asarray(ring), digits) for ring in report.rings],
         "prior": None
-        if report.prior_x is None or report.prior_y is None or not len(report.prior_y)
-        else {**_places(report.prior_x, digits), "value": _reals(report.prior_y)},
+        if report.prior is None
+        else {**_places(report.prior[0], digits), "value": _reals(report.prior[1])},
         "told": [_told(report, told, digits, time.factor) for told in report.told],
         "standing": standing(report.told, len(episode.agents), frames.times).tolist() if report.told else None,
     }
@@ -142,8 +143,8 @@ def _travelled(report: SurveyReport, times: np.ndarray) -> np.ndarray:
 def _value_limits(report: SurveyReport, frames: Frames, truth: np.ndarray | None) -> list[float | None]:
     """Ends of the colour scale of values: the truth and what was predicted at the end and measured before."""
     shown = [frames.mean[-1].ravel(), *([] if truth is None else [truth.ravel()])]
-    if report.prior_y is not None:
-        shown.append(np.asarray(report.prior_y, np.float64))
+    if report.prior is not None:
+        shown.append(report.prior[1])
     values = np.concatenate(shown)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     middle = report.threshold

@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from maipp.simulator.engine import time_tolerance
+from maipp.team.told import Told
 from maipp.typing import Float, Int
 from maipp.viz.maps import inside_only
 from maipp.viz.report_grid import MapGrid
-from maipp.viz.report_survey import SurveyReport, Told
+from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_units import nice_step, time_unit
 
 # A film of a minute at two a second; more make the file large and nothing clearer.

@@ -112,7 +112,7 @@ def _switches(report: SurveyReport) -> str:
     ]
     if report.told:
         marks.append(("told", "intents", '<ellipse cx="6" cy="6" rx="5" ry="3" fill="#5553" stroke="#555"/>', True))
-    if report.prior_y is not None and len(report.prior_y):
+    if report.prior is not None:
         marks.append(
             ("prior", "earlier samples", '<path d="M2 2L10 10M10 2L2 10" stroke="#333" stroke-width="1.500"/>', True)
         )

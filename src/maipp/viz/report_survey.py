@@ -2,26 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from maipp.errors import InputError
 from maipp.simulator.episode import Episode
+from maipp.team.told import Told
 from maipp.typing import Float
 
 ToUser = Callable[[np.ndarray], np.ndarray]  # domain positions (n, 2) to the user's coordinates (n, 2)
-
-
-class Told(NamedTuple):
-    """What one robot told the others at a decision; it stands until the robot tells something else."""
-
-    agent: int
-    time: float  # of the decision, the scenario's unit of time
-    mean: Float[np.ndarray, "2"]  # of its intent, domain units; NaN where it told none
-    covariance: Float[np.ndarray, "3"]  # of its intent: xx, xy, yy, squared domain units; NaN where it told none
-    places: Float[np.ndarray, "h 2"]  # where it means to measure next, domain units
-    place_times: Float[np.ndarray, " h"]  # and when
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +36,7 @@ class SurveyReport:
     # Shapes are checked below, not annotated: whoever gives others must be told so in words.
     area: np.ndarray | None = None  # (v, 2) outline of the survey area, user's coordinates
     no_go: tuple[np.ndarray, ...] | None = None  # (v, 2) rings; None: the scenario's obstacles, if no area is given
-    prior_x: np.ndarray | None = None  # (p, 2) places of earlier samples, user's coordinates
+    prior_x: np.ndarray | None = None  # (p, 2) places of earlier samples, user's coordinates; None: the record's
     prior_y: np.ndarray | None = None  # (p,) and their values, user's unit
     truth_known: bool = True  # the record's truth is one; False for a survey of the real world
     told: tuple[Told, ...] = ()  # in any order
@@ -115,6 +104,16 @@ class SurveyReport:
             return self.no_go
         return () if self.area is not None else tuple(self.points(np.array(p)) for p in self.episode.scenario.obstacles)
 
+    @property
+    def prior(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Places (p, 2) and values (p,) of earlier samples, user's coordinates and unit; None where there are none."""
+        if self.prior_x is not None and self.prior_y is not None:
+            found = np.asarray(self.prior_x, np.float64), np.asarray(self.prior_y, np.float64)
+        else:
+            samples = getattr(self.episode, "prior", None)
+            found = None if samples is None else (self.points(samples.x), self.values(samples.y))
+        return found if found is not None and len(found[1]) else None
+
     def points(self, points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
         """The user's coordinates of domain positions. Raises `InputError` where `to_user` gives none."""
         points = np.asarray(points, np.float64)
@@ -144,4 +143,6 @@ class SurveyReport:
     def _axis_label(self, degrees: str, metres: str, other: str) -> str:
         if self.geographic:
             return degrees
-        return metres if self.to_user is not None else other
+        if self.to_user is not None:
+            return metres
+        return other if self.episode.mapping is not None else f"{other} (domain units)"

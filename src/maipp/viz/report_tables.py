@@ -8,7 +8,7 @@ import numpy as np
 
 from maipp.viz.report_frames import Frames
 from maipp.viz.report_survey import SurveyReport
-from maipp.viz.report_units import Unit, decimals, length_unit, number, percent, time_unit
+from maipp.viz.report_units import Unit, decimals, length_unit, number, percent, setting, time_unit
 from maipp.viz.style import agent_colour, agent_line
 
 _DASH_ARRAYS = {"-": "none", (0, (5, 1.5)): "6 3", (0, (1, 1)): "2 3"}
@@ -16,23 +16,25 @@ _DASH_ARRAYS = {"-": "none", (0, (5, 1.5)): "6 3", (0, (1, 1)): "2 3"}
 
 def escaped(text: str) -> str:
     """The text as HTML shows it, whatever it holds: control characters and halves of others as U+FFFD."""
-    return html.escape("".join("\N{REPLACEMENT CHARACTER}" if category(sign) in ("Cc", "Cs") else sign for sign in text))
+    return html.escape(
+        "".join("\N{REPLACEMENT CHARACTER}" if category(sign) in ("Cc", "Cs") else sign for sign in text)
+    )
 
 
 def facts(report: SurveyReport) -> str:
     """Who planned what, when and with which settings."""
     episode, scenario = report.episode, report.episode.scenario
     options = " ".join(f"{name}={value}" for name, value in episode.options.items())
-    length = length_unit(report)
+    length, bound = length_unit(report), "≤" if report.inverted else "≥"
     entries = [
         ("Date", report.date),
         ("Planner", f"{episode.planner} {options}".strip()),
         ("Robots", str(len(episode.agents))),
         ("Measured", _quantity(report)),
-        ("Of high interest", f"{report.value_name} {'≤' if report.inverted else '≥'} {_valued(report.threshold, report)}"),
-        ("Measurement every", length.text(scenario.measurement_interval)),
-        ("Length scale of the belief", length.text(scenario.length_scale)),
-        ("Communication range", "unlimited" if scenario.comm_range is None else length.text(scenario.comm_range)),
+        ("Of high interest", f"{report.value_name} {bound} {setting(report.threshold)} {report.unit or ''}".rstrip()),
+        ("Measurement every", length.setting(scenario.measurement_interval)),
+        ("Length scale of the belief", length.setting(scenario.length_scale)),
+        ("Communication range", "unlimited" if scenario.comm_range is None else length.setting(scenario.comm_range)),
         ("Seed", str(episode.seed)),
         ("Made with", f"maipp {_version()}"),
     ]
@@ -45,14 +47,14 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
     episode, length = report.episode, length_unit(report)
     count = sum(len(agent.measurement_y) for agent in episode.agents)
     before, after = frames.trace[0], frames.trace[-1]
+    spread = f"; standard deviation in it {_valued(frames.spread[-1], report)} (root mean square)"
+    spread = spread if frames.area[-1] > 0 else ""
     cards = [
         ("Uncertainty left", f"Tr(P) {number(after)}", f"{percent(after, before)} of {number(before)} at the start"),
         (
             "Predicted area of high interest",
             percent(frames.area[-1], 1.0),
-            f"of the survey area; in it the standard deviation is {_valued(frames.spread[-1], report)} (root mean square)"
-            if frames.area[-1] > 0
-            else "of the survey area",
+            f"of the survey area{spread}",
         ),
     ]
     if report.truth_known:
@@ -62,7 +64,7 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
         cards.append(("True area of high interest", share, "lies in the predicted one" if np.isfinite(found) else ""))
     duration = Unit(time_unit(report).factor, time_unit(report).name or "units of time").text(episode.end)
     cards.append(("Travelled", length.text(episode.distance), f"by the team, in {duration}"))
-    known = 0 if report.prior_y is None else len(report.prior_y)
+    known = 0 if report.prior is None else len(report.prior[1])
     earlier = f", besides {known} earlier sample{'' if known == 1 else 's'}" if known else ""
     cards.append(("Measurements", str(count), f"after {episode.decisions} decisions{earlier}"))
     items = "".join(

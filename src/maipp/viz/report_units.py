@@ -3,7 +3,10 @@
 import math
 from dataclasses import dataclass
 
+from maipp.fields.raster import Mapping
 from maipp.viz.report_survey import SurveyReport
+
+_METRES_PER_DEGREE = math.radians(6_371_008.8)  # of latitude, on a sphere of the Earth's mean radius
 
 
 @dataclass(frozen=True)
@@ -14,18 +17,38 @@ class Unit:
     name: str  # "m"; empty where the record's own unit has no name
 
     def text(self, value: float, digits: int = 3) -> str:
-        """A number of the record in this unit."""
+        """A result of the survey in this unit."""
         return f"{number(value * self.factor, digits)} {self.name}".rstrip()
+
+    def setting(self, value: float) -> str:
+        """A setting in this unit: digits that say nothing are left out."""
+        return f"{setting(value * self.factor)} {self.name}".rstrip()
 
 
 def length_unit(report: SurveyReport) -> Unit:
-    """For lengths: metres or kilometres, else the file's unit, else domain units."""
-    if report.metres_per_unit is None:
-        scale = report.episode.units.length_scale
-        mapped = report.episode.mapping is not None and scale is not None
-        return Unit(scale, "map units") if mapped and scale is not None else Unit(1.0, "domain units")
-    longest = max(agent.budget for agent in report.episode.agents) * report.metres_per_unit
-    return Unit(report.metres_per_unit / 1000, "km") if longest >= 10_000 else Unit(report.metres_per_unit, "m")
+    """For lengths: metres or kilometres, else the unit of the file's coordinates, else domain units."""
+    mapping = report.episode.mapping
+    metres = report.metres_per_unit or (mapping and metres_of_degrees(mapping))
+    if metres:
+        longest = max(agent.budget for agent in report.episode.agents) * metres
+        return Unit(metres / 1000, "km") if longest >= 10_000 else Unit(metres, "m")
+    scale = report.episode.units.length_scale
+    return Unit(1.0, "domain units") if mapping is None or scale is None else Unit(scale, "map units")
+
+
+def metres_of_degrees(mapping: Mapping) -> float | None:
+    """Metres in a domain unit, where the file's coordinates are degrees; None where they are not.
+
+    A file of degrees has a domain whose proportions are those on the ground at its middle latitude. No other file comes
+    by them, so that nothing else need be known of it.
+    """
+    (size_x, size_y), (width, height) = mapping.size, mapping.domain
+    middle = mapping.origin[1] + size_y / 2
+    if not 0 < abs(middle) < 90:
+        return None
+    proportion = (width / size_x) / (height / size_y)
+    on_the_ground = math.isclose(proportion, math.cos(math.radians(middle)), rel_tol=1e-9)
+    return size_y / height * _METRES_PER_DEGREE if on_the_ground else None
 
 
 def time_unit(report: SurveyReport) -> Unit:
@@ -47,6 +70,12 @@ def number(value: float, digits: int = 3) -> str:
     if magnitude < -5 or magnitude > 8:
         return f"{value:.{digits - 1}e}"
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}".replace(",", "\u202f")  # a narrow space that does not break
+
+
+def setting(value: float) -> str:
+    """A number that a person chose: four significant digits, but no zeros at the end."""
+    text = number(value, 4)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
 def percent(part: float, whole: float) -> str:

@@ -24,7 +24,7 @@ for (const curve of curves) {
   curve.layout = {
     margin: { l: 66, r: 14, t: 8, b: 44 }, height: 240, font: FONT, showlegend: false, hovermode: "closest", autosize: false,
     dragmode: false, plot_bgcolor: "#ffffff", paper_bgcolor: "#ffffff",
-    xaxis: { title: { text: plain(timeTitle), standoff: 6 }, range: [0, 1.01 * end], gridcolor: "#e3e3e3", fixedrange: true },
+    xaxis: { title: { text: plain(timeTitle), standoff: 6 }, range: [0, 1.02 * end], gridcolor: "#e3e3e3", fixedrange: true },
     yaxis: {
       title: { text: plain(curve.label), standoff: 6 }, type: curve.log ? "log" : "linear", gridcolor: "#e3e3e3",
       rangemode: "tozero", fixedrange: true, exponentformat: "power", dtick: curve.log ? undefined : null, nticks: 6,
