@@ -80,7 +80,8 @@ def packed(pictures: Float[np.ndarray, "k r c"], *, signed: bool = False) -> dic
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     if signed:
         step = max(-low, high, 1e-9) / (_HALF - 2)
-        base, numbers = -_HALF * step, np.floor(pictures / step) + _HALF
+        numbers = np.floor(pictures / step)
+        base, numbers = -_HALF * step, np.where(pictures < 0, np.minimum(numbers, -1.0), numbers) + _HALF
     else:
         step = (high - low) / (2 * _HALF - 2) or 1.0
         base, numbers = low, np.round((pictures - low) / step)
