@@ -49,12 +49,8 @@ def test_settings_have_no_idle_zeros(value, text):
 
 
 def test_shares():
-    assert [percent(*pair) for pair in ((1.0, 2.0), (0.0, 2.0), (0.01, 2.0), (1.0, 0.0))] == [
-        "50 %",
-        "0 %",
-        "0.5 %",
-        "none",
-    ]
+    pairs = (1.0, 2.0), (0.0, 2.0), (0.01, 2.0), (1.0, 0.0)
+    assert [percent(*pair) for pair in pairs] == ["50 %", "0 %", "0.5 %", "none"]
 
 
 @given(st.floats(1e-6, 1e7), st.integers(1, 200))

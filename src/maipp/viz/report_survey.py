@@ -128,11 +128,13 @@ class SurveyReport:
         """The user's values of normalised ones."""
         if self.value_scale is None:
             return self.episode.units.values(values)
-        return np.asarray(values) * self.value_scale + self.value_offset
+        return np.asarray(np.asarray(values) * self.value_scale + self.value_offset)
 
     def std(self, std: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Errors and standard deviations in the user's unit."""
-        return self.episode.units.std(std) if self.value_scale is None else np.asarray(std) * abs(self.value_scale)
+        if self.value_scale is None:
+            return self.episode.units.std(std)
+        return np.asarray(np.asarray(std) * abs(self.value_scale))
 
     def aspect(self, latitude: float) -> float:
         """Length on the ground of a unit of y over that of a unit of x, at this latitude (degrees) if geographic."""
