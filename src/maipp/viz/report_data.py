@@ -56,7 +56,7 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
             "distance": _reals(_travelled(report, episode.metrics.curve_time) * length.factor),
         },
         "robots": [_robot(report, index, digits, time.factor) for index in range(len(episode.agents))],
-        "area": None if report.area is None else _places(np.asarray(report.area), digits),
+        "area": _places(report.outline, digits),
         "no_go": [_places(np.asarray(ring), digits) for ring in report.rings],
         "prior": None
         if report.prior is None
@@ -90,8 +90,9 @@ def packed(pictures: Float[np.ndarray, "k r c"], *, signed: bool = False) -> dic
 
 
 def _axes(report: SurveyReport, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
-    """Labels, proportions and limits of every map: around the area where there is one, else around the domain."""
-    near, far = (low, high) if report.area is None else (np.min(report.area, axis=0), np.max(report.area, axis=0))
+    """Labels, proportions and limits of every map."""
+    outline = report.outline
+    near, far = outline.min(axis=0), outline.max(axis=0)
     margin = _MARGIN * (far - near)
     shown = (*near - margin, *far + margin)
     return {

@@ -98,6 +98,17 @@ class SurveyReport:
         return self.episode.units.inverted if self.value_scale is None else self.value_scale < 0
 
     @property
+    def outline(self) -> Float[np.ndarray, "v 2"]:
+        """Border of the area, or of the domain where none is given, which a projection may bend; user's coordinates."""
+        if self.area is not None:
+            return np.asarray(self.area, np.float64)
+        width, height = self.episode.scenario.extent
+        along = np.linspace(0.0, 1.0, 16, endpoint=False)[:, None]
+        corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height], [0.0, 0.0]])
+        sides = [a + along * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        return self.points(np.concatenate(sides))
+
+    @property
     def rings(self) -> tuple[np.ndarray, ...]:
         """No-go zones in the user's coordinates."""
         if self.no_go is not None:

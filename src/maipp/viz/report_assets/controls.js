@@ -79,7 +79,10 @@ if (last === 0) for (const control of [slider, play, ...document.querySelectorAl
 
 function sizeAll(width) {
   if (width === undefined) arrangeMaps();
-  for (const map of maps) sizeMap(map, width ?? map.panel.clientWidth);
+  const all = document.getElementById("maps");
+  const columns = getComputedStyle(all).gridTemplateColumns.split(" ").length;
+  const gap = parseFloat(getComputedStyle(all).columnGap) || 0;
+  for (const map of maps) sizeMap(map, width ?? Math.floor((all.clientWidth - (columns - 1) * gap) / columns));
   for (const curve of curves) curve.layout.width = width ?? curve.panel.clientWidth;
 }
 

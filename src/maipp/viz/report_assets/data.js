@@ -36,6 +36,11 @@ function written(value, digits = 3) {
   return value.toFixed(Math.min(decimals, 9));
 }
 
+// A number that a person chose: no zeros at the end.
+function setting(value) {
+  return String(Number(value.toPrecision(4)));
+}
+
 function withUnit(text, unit) {
   return unit ? `${text} ${unit}` : text;
 }

@@ -1,5 +1,4 @@
 // The maps: a field each, and the same routes, measurements, robots and intents on all of them.
-const MARGIN = { l: 58, r: 8, t: 6, b: 42 };
 const FONT = { family: getComputedStyle(document.body).fontFamily, size: 12, color: "#1a1a1a" };
 const coarse = window.matchMedia("(pointer: coarse)").matches;
 const CONFIG = {
@@ -22,6 +21,12 @@ const pictures = {
 
 const [west, south, east, north] = data.axes.shown;
 const ratio = ((north - south) * data.axes.aspect) / (east - west);
+
+// Room for the longest number beside a map.
+const tickDecimals = Math.max(0, Math.ceil(-Math.log10((north - south) / 8)));
+const longest = Math.max(...[south, north].map((value) => value.toFixed(tickDecimals).length));
+const MARGIN = { l: Math.max(56, Math.round(34 + 7.5 * longest)), r: 8, t: 6, b: 42 };
+document.documentElement.style.setProperty("--left", `${MARGIN.l}px`);
 const GRID = { x0: data.grid.x[0], dx: data.grid.x[1], y0: data.grid.y[0], dy: data.grid.y[1] };
 
 function scale(colours) {
@@ -82,12 +87,10 @@ function outsideOf(ring) {
 
 function still() {
   const quiet = { type: "scatter", mode: "lines", hoverinfo: "skip" };
-  const traces = [];
-  if (data.area)
-    traces.push(
-      { ...quiet, ...outsideOf(data.area), fill: "toself", fillcolor: "#ffffff", line: { width: 0 } },
-      { ...quiet, ...closed([data.area]), line: { color: "#333333", width: 1.5 } },
-    );
+  const traces = [
+    { ...quiet, ...outsideOf(data.area), fill: "toself", fillcolor: "#ffffff", line: { width: 0 } },
+    { ...quiet, ...closed([data.area]), line: { color: "#333333", width: 1.5 } },
+  ];
   if (data.no_go.length)
     traces.push({
       ...quiet, ...closed(data.no_go), fill: "toself", fillcolor: "#dddddd", line: { color: "#6e6e6e", width: 1 },
@@ -235,7 +238,7 @@ function axis(title, low, high) {
   return {
     title: { text: plain(title), standoff: 6 }, range: [low, high], showgrid: false, zeroline: false, ticks: "outside",
     ticklen: 4, nticks: 6, showline: true, mirror: true, linecolor: "#555555", constrain: "domain", tickangle: 0,
-    hoverformat: `.${data.axes.decimals + 1}f`, exponentformat: "none", separatethousands: false, automargin: false,
+    hoverformat: `.${data.axes.decimals + 1}f`, tickformat: `.${data.axes.decimals + 2}~f`, automargin: false,
   };
 }
 
@@ -287,7 +290,7 @@ function colourBar(map) {
   }
   const name = map.id === "std" ? `standard deviation of ${data.value.name}` : data.value.name;
   const label = withUnit(name, data.value.unit && `(${data.value.unit})`);
-  const mark = marked ? `; black mark: threshold ${withUnit(written(threshold), data.value.unit)}` : "";
+  const mark = marked ? `; black mark: threshold ${withUnit(setting(threshold), data.value.unit)}` : "";
   const about = map.about ? `; ${map.about}` : "";
   return element("div", { class: "bar" }, ramp, ticks, element("div", {}, `${label}${mark}${about}`));
 }
@@ -319,11 +322,13 @@ function arrangeMaps() {
 }
 
 // A map is as high as its proportions ask, but never higher than the window leaves room for.
-function sizeMap(map, width) {
-  const inner = width - MARGIN.l - MARGIN.r;
+function sizeMap(map, room) {
   const most = Math.max(260, 0.74 * window.innerHeight);
+  const width = Math.min(room, Math.max(LEAST_WIDTH, Math.round(most / ratio) + MARGIN.l + MARGIN.r));
+  const inner = width - MARGIN.l - MARGIN.r;
   map.layout.width = width;
   map.layout.height = Math.round(Math.min(inner * ratio, most) + MARGIN.t + MARGIN.b);
+  map.panel.style.maxWidth = `${width}px`;
 }
 
 function drawMaps(k) {
