@@ -3,13 +3,16 @@
 import dataclasses
 import html
 import json
+import re
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from maipp.errors import InputError
+from maipp.simulator.episode_io import write_episode
 from maipp.viz.report import SurveyReport, report_html, write_report
 
 pytest.importorskip("plotly")
@@ -156,3 +159,27 @@ def test_without_plotly_the_person_is_told_what_to_install(episode, tmp_path, mo
     with pytest.raises(InputError, match=r"needs plotly: pip install 'maipp\[geo\]'"):
         write_report(tmp_path / "report.html", SurveyReport(episode))
     assert list(tmp_path.iterdir()) == []
+
+
+def section():
+    """What docs/episode.md says of the report."""
+    page = (Path(__file__).parents[2] / "docs" / "episode.md").read_text(encoding="utf-8")
+    return page.partition("## The report\n")[2].partition("\n## ")[0]
+
+
+def test_every_fact_is_documented():
+    facts = {field.name for field in dataclasses.fields(SurveyReport)} - {"episode"}
+    assert {name for name in facts if f"`{name}" not in section()} == set()
+
+
+def test_the_example_on_the_page_runs(episode, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out" / "plan").mkdir(parents=True)
+    counts = np.array([len(agent.measurement_y) for agent in episode.agents])
+    agents = tuple(dataclasses.replace(agent, known=counts) for agent in episode.agents)
+    write_episode(dataclasses.replace(episode, agents=agents), tmp_path / "out" / "plan" / "episode.json")
+    (example,) = re.findall(r"```python\n(.*?)```", section(), flags=re.DOTALL)
+    exec(compile(example.replace('"Bo", "Cy"', '"Bo"'), "episode.md", "exec"), {})
+    page = Page((tmp_path / "out" / "plan" / "report.html").read_text(encoding="utf-8"))
+    assert page.data["axes"]["shown"][0] < 2600 < 3400 < page.data["axes"]["shown"][2]
+    assert "chlorophyll ≥ 8 µg/L" in page.words

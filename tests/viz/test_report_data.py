@@ -87,6 +87,16 @@ def test_an_area_replaces_the_scenario_s_obstacles(episode):
     assert west < 0 and south < 0 and 0.9 < east < 1 and 0.45 < north < 0.5
 
 
+def test_a_unit_in_the_file_s_name_is_found(episode, mapping):
+    there = dataclasses.replace(episode, mapping=dataclasses.replace(mapping, value_name="depth at low tide (m)"))
+    report = SurveyReport(there)
+    assert (report.value_name, report.value_unit) == ("depth at low tide", "m")
+    assert SurveyReport(there, unit="ft").value_unit == "ft"
+    assert SurveyReport(there, value_scale=2.0).value_unit == ""
+    plain = SurveyReport(dataclasses.replace(episode, mapping=mapping))
+    assert (plain.value_name, plain.value_unit) == ("temperature", "")
+
+
 def test_without_a_truth_there_is_none(episode):
     data = data_of(SurveyReport(episode, truth_known=False))
     assert data["truth"] is None and data["true_surplus"] is None

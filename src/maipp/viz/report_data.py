@@ -36,7 +36,7 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
     return {
         "axes": _axes(report, low, high),
         "grid": {"x": _spaced(grid.x), "y": _spaced(grid.y), "columns": len(grid.x), "rows": len(grid.y)},
-        "value": {"name": report.value_name, "unit": report.unit or "", "threshold": _real(report.threshold)},
+        "value": {"name": report.value_name, "unit": report.value_unit, "threshold": _real(report.threshold)},
         "length": length.name,
         "time": {"unit": time.name, "step": time_decimals(frames, time.factor)},
         "colours": {"value": _stops(VALUE_MAP), "std": _stops(STD_MAP)},

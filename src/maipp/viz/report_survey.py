@@ -1,5 +1,6 @@
 """What a survey's report tells: the record, and the facts that give it names, places and units."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +10,8 @@ from maipp.errors import InputError
 from maipp.simulator.episode import Episode
 from maipp.team.told import Told
 from maipp.typing import Float
+
+_UNIT_BEHIND = re.compile(r"(?<=\S)\s+\(([^()]+)\)$")
 
 ToUser = Callable[[np.ndarray], np.ndarray]  # domain positions (n, 2) to the user's coordinates (n, 2)
 
@@ -84,8 +87,14 @@ class SurveyReport:
 
     @property
     def value_name(self) -> str:
-        """The measured quantity."""
-        return self.quantity or self.episode.units.value
+        """The measured quantity, without a unit that its name in the file may bear."""
+        return self.quantity or _UNIT_BEHIND.sub("", self.episode.units.value)
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of the values, from the name in the file where none is given: m for "depth (m)"; else empty."""
+        behind = None if self.value_scale is not None else _UNIT_BEHIND.search(self.episode.units.value)
+        return self.unit or (behind[1] if behind else "")
 
     @property
     def threshold(self) -> float:

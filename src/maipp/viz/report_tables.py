@@ -31,7 +31,7 @@ def facts(report: SurveyReport) -> str:
         ("Planner", f"{episode.planner} {options}".strip()),
         ("Robots", str(len(episode.agents))),
         ("Measured", _quantity(report)),
-        ("Of high interest", f"{report.value_name} {bound} {setting(report.threshold)} {report.unit or ''}".rstrip()),
+        ("Of high interest", f"{report.value_name} {bound} {setting(report.threshold)} {report.value_unit}".rstrip()),
         ("Measurement every", length.setting(scenario.measurement_interval)),
         ("Length scale of the belief", length.setting(scenario.length_scale)),
         ("Communication range", "unlimited" if scenario.comm_range is None else length.setting(scenario.comm_range)),
@@ -88,15 +88,16 @@ def robot_table(report: SurveyReport) -> str:
     corners = report.points(np.array([[0.0, 0.0], episode.scenario.extent]))
     digits = decimals(float(np.ptp(corners, axis=0).max()), 5 if report.geographic else 4)
     unit = f" ({time.name})" if time.name else ""
+    place = ", ".join(label.partition(" (")[0].partition(",")[0] for label in (report.x_label, report.y_label))
     heads = [
         "Robot",
-        f"Start ({'longitude, latitude' if report.geographic else 'x, y'})",
+        f"Start ({place})",
         f"Budget ({length.name})",
         f"Travelled ({length.name})",
         f"Time{unit}",
         "Measurements",
         "Decisions",
-        f"End ({'longitude, latitude' if report.geographic else 'x, y'})",
+        f"End ({place})",
     ]
     rows = []
     for index, agent in enumerate(episode.agents):
@@ -129,11 +130,11 @@ def swatch(index: int) -> str:
 
 
 def _quantity(report: SurveyReport) -> str:
-    return f"{report.value_name} ({report.unit})" if report.unit else report.value_name
+    return f"{report.value_name} ({report.value_unit})" if report.value_unit else report.value_name
 
 
 def _valued(value: float, report: SurveyReport) -> str:
-    return f"{number(float(value))} {report.unit or ''}".rstrip()
+    return f"{number(float(value))} {report.value_unit}".rstrip()
 
 
 def _version() -> str:
