@@ -17,7 +17,9 @@ from maipp.viz.report import SurveyReport, report_html, write_report
 
 pytest.importorskip("plotly")
 
-NASTY = '</script><img src=x onerror="alert(1)">&amp; %{x} ünïcödé \u2028 \u202e 海 \ud800 \x00 {brace} \\ `'
+NASTY = (
+    '<!-- <script </script ></script><img src=x onerror="alert(1)">&amp; %{x} ünï \u2028 \u202e 海 \ud800 \x00 {a} \\ `'
+)
 
 
 class Page(HTMLParser):
@@ -124,6 +126,7 @@ def test_names_can_hold_anything(episode):
     text = report_html(report)
     found = Page(text)
     assert found.data["robots"][0]["name"] == NASTY
+    assert not set("<>&") & set(found.scripts[0]) and found.scripts[0].isascii()
     assert len(found.scripts) == 3 and all(tag != "img" for tag, _ in found.elements)
     clean = NASTY.replace("\ud800", "\ufffd").replace("\x00", "\ufffd")
     assert html.escape(clean) in text

@@ -27,7 +27,7 @@ FLAGS = (
     "--disable-component-update --disable-sync"
 ).split()
 PATIENCE = 120_000  # milliseconds; only a page that never gets there waits so long
-NASTY = '</script><b>"Ünï %{x}</b>'
+NASTY = '</script ></script><b>"Ünï %{x}</b>'
 
 
 class Visit:
