@@ -1,5 +1,7 @@
 """The demonstration's world: a real piece of sea bed, in metres and degrees."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -21,10 +23,10 @@ def test_the_demo_s_field_is_the_strait():
 
 
 @pytest.mark.slow
-def test_the_demo_leaves_five_files(tmp_path, capsys):
+def test_the_demo_leaves_its_files(tmp_path, capsys):
     from maipp.cli.demo import Demo, run
 
     assert run(Demo(out=tmp_path, planner="random")) == 0
-    assert len(list(tmp_path.iterdir())) == 5
+    assert len(list(tmp_path.iterdir())) == (6 if find_spec("plotly") else 5)
     printed = capsys.readouterr().out
     assert "deeper than 150 m" in printed and "m (RMSE)" in printed

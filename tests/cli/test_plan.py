@@ -1,8 +1,10 @@
-"""`maipp plan`: five files or none, in the units that the person uses, and one clear line for what is wrong."""
+"""`maipp plan`: all its files or none, in the units that the person uses, and one clear line for what is wrong."""
 
 import csv
 import dataclasses
+import json
 import re
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -16,7 +18,8 @@ from maipp.simulator.episode import replay
 from maipp.simulator.episode_io import read_episode
 
 SMALL = (("scenario.grid=8", "scenario.nodes=12", "scenario.neighbours=4"),)
-FILES = ["episode.json", "measurements.csv", "mission.gif", "overview.png", "waypoints.csv"]
+REPORT = ["report.html"] if find_spec("plotly") else []
+FILES = sorted(["episode.json", "measurements.csv", "mission.gif", "overview.png", "waypoints.csv", *REPORT])
 
 
 def small(out, **flags):
@@ -43,7 +46,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_survey_leaves_five_files_that_agree(tmp_path, capsys):
+def test_a_survey_leaves_files_that_agree(tmp_path, capsys):
     out = tmp_path / "new" / "out"
     assert run(small(out, seed=3)) == 0
     assert names(out) == FILES
@@ -86,8 +89,38 @@ def test_a_folder_in_use_gets_all_new_files_and_no_old_film(tmp_path):
     for name in ("mission.mp4", "episode.json", "notes.txt"):
         (tmp_path / name).write_text("old")
     run(small(tmp_path, animation=False))
-    assert names(tmp_path) == ["episode.json", "measurements.csv", "notes.txt", "overview.png", "waypoints.csv"]
+    assert names(tmp_path) == sorted({*FILES, "notes.txt"} - {"mission.gif"})
     assert read_episode(tmp_path / "episode.json").planner == "random"
+
+
+def page_data(path):
+    """The data on a report's page."""
+    return json.loads(path.read_text(encoding="utf-8").partition('id="data">')[2].partition("</script>")[0])
+
+
+@pytest.mark.skipif(not REPORT, reason="plotly is not installed")
+@pytest.mark.parametrize("planner", ["random", pytest.param("sga-rrt", marks=pytest.mark.slow)])
+def test_the_report_is_of_the_survey_with_what_the_robots_told(tmp_path, planner):
+    nodes = ("nodes=12",) if planner == "sga-rrt" else ()
+    run(small(tmp_path, planner=planner, animation=False, settings=(SMALL[0] + nodes,)))
+    data = page_data(tmp_path / "report.html")
+    episode = read_episode(tmp_path / "episode.json")
+    for robot, agent in zip(data["robots"], episode.agents, strict=True):
+        np.testing.assert_allclose(robot["route"]["x"], agent.route[:, 0], atol=1e-4)
+        np.testing.assert_allclose(robot["measured"]["y"], agent.measurement_x[:, 1], atol=1e-4)
+    assert bool(data["told"]) == (planner == "sga-rrt")
+    assert len(data["told"]) in (0, episode.decisions)
+    for told in data["told"]:
+        assert told["ellipse"] is None and len(told["places"]["x"]) <= 2
+    assert any(told["places"]["x"] for told in data["told"]) == (planner == "sga-rrt")
+
+
+def test_without_plotly_the_report_is_left_out_and_an_old_one_goes(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("maipp.cli.plan._has_plotly", lambda: False)
+    (tmp_path / "report.html").write_text("old")
+    assert run(small(tmp_path, animation=False)) == 0
+    assert names(tmp_path) == [name for name in FILES if name not in ("mission.gif", "report.html")]
+    assert "left out report.html: it needs plotly, pip install 'maipp[geo]'" in capsys.readouterr().out
 
 
 def test_an_interrupted_survey_leaves_nothing(tmp_path, monkeypatch):

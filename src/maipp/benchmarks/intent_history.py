@@ -3,25 +3,19 @@
 Source: Yang et al. 2023, Sec. V-B (stability of intents: symmetric Kullback-Leibler divergence).
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from maipp.planners.announced import Announcement
+from maipp.planners.told_record import run_recorded
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, State, reset
-from maipp.simulator.engine import due_agent, step
+from maipp.simulator import Mission, Planner, State
 from maipp.team import Intent, fit_intent
 from maipp.team.intent import is_told, symmetric_kl
-from maipp.typing import Array, Bool, Float, Int, Key
-
-# Events between two looks from the host whether any mission still runs.
-_EVENTS_PER_CALL = 16
+from maipp.typing import Bool, Float, Int, Key
 
 
 class History(NamedTuple):
@@ -39,29 +33,8 @@ def intents_told(scenario: Scenario, planner: Planner, missions: Mission, key: K
     Mission i draws its randomness from `fold_in(key, i)`, as in `run_missions`. A planned path that was announced
     counts as the Gaussian fitted to the measurements planned on it.
     """
-    arrays, static = eqx.partition(planner, eqx.is_array)
-    count = missions.start.shape[0]
-    keys = jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(count))
-
-    def event(arrays: Any, mission: Mission, key: Key, state: State, _: None) -> tuple[State, Any]:
-        agent, active = due_agent(scenario, state), state.active.any()
-        state = step(scenario, eqx.combine(arrays, static), mission, state, key)
-        return state, (agent, active, as_intent(jax.tree.map(lambda row: row[agent], state.messages)))
-
-    @jax.jit
-    def some(arrays: Any, missions: Mission, keys: Array, states: State) -> tuple[State, Any]:
-        def one(mission: Mission, key: Key, state: State) -> tuple[State, Any]:
-            return lax.scan(partial(event, arrays, mission, key), state, None, length=_EVENTS_PER_CALL)
-
-        return jax.vmap(one)(missions, keys, states)
-
-    states = jax.jit(jax.vmap(partial(reset, scenario, planner)))(missions)
-    told = []
-    while bool(states.active.any()):
-        states, rows = some(arrays, missions, keys, states)
-        told.append(jax.device_get(rows))
-    agent, counts, intent = jax.tree.map(lambda *rows: np.concatenate(rows, axis=1), *told)
-    return History(states, agent, counts, intent)
+    run = run_recorded(scenario, planner, missions, key, as_intent)
+    return History(run.states, run.agent, run.counts, run.kept)
 
 
 def as_intent(message: Any) -> Intent:

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import date
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,14 +23,19 @@ if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
     from maipp.fields.raster import Mapping as FieldMapping
     from maipp.fields.raster import Raster
     from maipp.simulator.episode import Episode
+    from maipp.team.told import Told
 
-_FILMS = ("mission.mp4", "mission.gif")
+_REPORT = "report.html"
+_ONLY_SOMETIMES = ("mission.mp4", "mission.gif", _REPORT)
 _STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", "drawing the animation")
 
 
 @dataclass(frozen=True)
 class Plan(PlannerFlags):
-    """Plan one survey and write episode.json, waypoints.csv, measurements.csv, overview.png and mission.mp4 or .gif.
+    """Plan one survey and write its record, tables, pictures and interactive report.
+
+    The files are episode.json, waypoints.csv, measurements.csv, overview.png, mission.mp4 or .gif, and, where plotly is
+    installed, report.html.
 
     With --field, the longest side of the file becomes 1 domain unit, and its values are scaled to 0..1; everything
     that is written, but for episode.json, is in the file's own coordinates and units.
@@ -125,11 +132,11 @@ def survey(
         def drawn(frames: int, total: int) -> None:
             bar.update(task, completed=len(_STEPS) - 1 + frames / total)
 
-        episode = _simulate(scenario, planner, built, options, seed, field, advance)
-        _write_files(episode, stage, advance, drawn if animation else None)
+        episode, told = _simulate(scenario, planner, built, options, seed, field, advance)
+        _write_files(episode, told, stage, advance, drawn if animation else None)
         names = sorted(path.name for path in stage.iterdir())
-    for film in set(_FILMS) - set(names):
-        (out / film).unlink(missing_ok=True)  # of an earlier survey
+    for name in set(_ONLY_SOMETIMES) - set(names):
+        (out / name).unlink(missing_ok=True)  # of an earlier survey
     return episode, [out / name for name in names]
 
 
@@ -162,6 +169,8 @@ def report(episode: "Episode", paths: list[Path]) -> None:
     console.print(table)
     for path in paths:
         console.print(f"wrote {path}", markup=False)
+    if all(path.name != _REPORT for path in paths):
+        console.print(f"left out {_REPORT}: it needs plotly, pip install 'maipp[geo]'", markup=False)
 
 
 def _world(flags: Plan) -> "tuple[Scenario, Raster | None]":
@@ -206,9 +215,17 @@ def _start_in(mapping: "FieldMapping", start: tuple[float, float]) -> tuple[floa
     return min(x, mapping.domain[0]), min(y, mapping.domain[1])  # rounding may carry the far border across
 
 
-def _simulate(scenario, name, planner, options, seed, field, advance: Callable[[], None]) -> "Episode":
+def _has_plotly() -> bool:
+    return find_spec("plotly") is not None
+
+
+def _simulate(
+    scenario, name, planner, options, seed, field, advance: Callable[[], None]
+) -> "tuple[Episode, tuple[Told, ...]]":
+    """The record, and for the report what the robots told each other where that says where they are going."""
     import jax
 
+    from maipp.planners.told_record import run_recorded, tells_plans, told_in
     from maipp.simulator import draw_missions, run_missions
     from maipp.simulator.episode import Episode
 
@@ -224,17 +241,26 @@ def _simulate(scenario, name, planner, options, seed, field, advance: Callable[[
     except ValueError as error:  # obstacles or a start that leave no way to go
         raise InputError(str(error)) from error
     advance()
-    states = jax.block_until_ready(run_missions(scenario, planner, missions, jax.random.key(seed)))
+    told = ()
+    if _has_plotly() and tells_plans(planner):
+        recorded = run_recorded(scenario, planner, missions, jax.random.key(seed), lambda message: message)
+        states, told = recorded.states, told_in(recorded)
+    else:
+        states = jax.block_until_ready(run_missions(scenario, planner, missions, jax.random.key(seed)))
     advance()
     mapping = None if field is None else field.mapping
     episode = Episode.from_state(scenario, name, options, seed, missions, states, mapping=mapping)
     _ = episode.metrics  # computed here, under its own step
     advance()
-    return episode
+    return episode, told
 
 
 def _write_files(
-    episode: "Episode", folder: Path, advance: Callable[[], None], drawn: Callable[[int, int], None] | None
+    episode: "Episode",
+    told: "tuple[Told, ...]",
+    folder: Path,
+    advance: Callable[[], None],
+    drawn: Callable[[int, int], None] | None,
 ) -> None:
     from maipp.simulator.episode_io import measurements_csv, waypoints_csv, write_episode
     from maipp.viz import save_animation, save_overview
@@ -243,6 +269,12 @@ def _write_files(
     write_atomic(folder / "waypoints.csv", waypoints_csv(episode))
     write_atomic(folder / "measurements.csv", measurements_csv(episode))
     save_overview(episode, folder / "overview.png")
+    if _has_plotly():
+        from maipp.viz.captions import headline
+        from maipp.viz.report import SurveyReport, write_report
+
+        today = date.today().isoformat()
+        write_report(folder / _REPORT, SurveyReport(episode, title=headline(episode), date=today, told=told))
     advance()
     if drawn is not None:
         save_animation(episode, folder / "mission", drawn)

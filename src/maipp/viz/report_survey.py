@@ -1,0 +1,170 @@
+"""What a survey's report tells: the record, and the facts that give it names, places and units."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.simulator.episode import Episode
+from maipp.team.told import Told
+from maipp.typing import Float
+
+_UNIT_BEHIND = re.compile(r"(?<=\S)\s+\(([^()]+)\)$")
+
+ToUser = Callable[[np.ndarray], np.ndarray]  # domain positions (n, 2) to the user's coordinates (n, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyReport:
+    """A record with what makes it readable: every fact but the record has a default.
+
+    Without `to_user` the coordinates are those of the field's file, or domain units where there is none; the same holds
+    for values without `value_scale`. Raises `InputError` for facts that contradict the record or each other.
+    """
+
+    episode: Episode
+    title: str = "Survey"
+    date: str | None = None  # as shown
+    names: tuple[str, ...] = ()  # of the robots; empty: agent 0, agent 1, ...
+    to_user: ToUser | None = None
+    geographic: bool = False  # the user's coordinates are (longitude, latitude) in degrees, else (x, y)
+    metres_per_unit: float | None = None  # metres in one domain unit
+    seconds_per_time: float | None = None  # seconds in the scenario's unit of time
+    value_offset: float = 0.0  # user's value = value_offset + value_scale * normalised value
+    value_scale: float | None = None  # negative where low values are the interesting ones
+    quantity: str | None = None  # what is measured
+    unit: str | None = None  # of the values
+    # Shapes are checked below, not annotated: whoever gives others must be told so in words.
+    area: np.ndarray | None = None  # (v, 2) outline of the survey area, user's coordinates
+    no_go: tuple[np.ndarray, ...] | None = None  # (v, 2) rings; None: the scenario's obstacles, if no area is given
+    prior_x: np.ndarray | None = None  # (p, 2) places of earlier samples, user's coordinates; None: the record's
+    prior_y: np.ndarray | None = None  # (p,) and their values, user's unit
+    truth_known: bool = True  # the record's truth is one; False for a survey of the real world
+    told: tuple[Told, ...] = ()  # in any order
+    warnings: tuple[str, ...] = ()  # what the reader must know before trusting the numbers
+
+    def __post_init__(self) -> None:
+        agents = len(self.episode.agents)
+        if self.names and len(self.names) != agents:
+            raise InputError(f"names: {len(self.names)} for {agents} robots; give one each, or none")
+        for name in ("metres_per_unit", "seconds_per_time"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name}: {value} is not a number > 0")
+        if self.value_scale is not None and not (np.isfinite(self.value_scale) and self.value_scale != 0):
+            raise InputError(f"value_scale: {self.value_scale} is not a number other than 0")
+        if (self.prior_x is None) != (self.prior_y is None):
+            raise InputError("prior_x, prior_y: one is given without the other; give both, or neither")
+        if self.prior_x is not None and self.prior_y is not None:
+            places, values = np.shape(self.prior_x), np.shape(self.prior_y)
+            if len(places) != 2 or places[1] != 2 or values != places[:1]:
+                raise InputError(f"prior_x, prior_y: shapes {places} and {values}; give (p, 2) and (p,)")
+        rings = [("area", self.area)] if self.area is not None else []
+        for name, ring in rings + [(f"no_go[{i}]", ring) for i, ring in enumerate(self.no_go or ())]:
+            shape = np.shape(ring)
+            if len(shape) != 2 or shape[1] != 2 or shape[0] < 3 or not np.isfinite(ring).all():
+                raise InputError(f"{name}: shape {shape}; give (v, 2) with v >= 3 corners, all of them finite")
+        wrong = [told.agent for told in self.told if not 0 <= told.agent < agents]
+        if wrong:
+            raise InputError(f"told: robot {wrong[0]} of {agents}; count from 0")
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Name of every robot."""
+        return self.names or tuple(f"agent {i}" for i in range(len(self.episode.agents)))
+
+    @property
+    def x_label(self) -> str:
+        """What the x axis of a map shows, with its unit."""
+        return self._axis_label("longitude (°)", "x, east (m)", self.episode.units.x)
+
+    @property
+    def y_label(self) -> str:
+        """What the y axis of a map shows, with its unit."""
+        return self._axis_label("latitude (°)", "y, north (m)", self.episode.units.y)
+
+    @property
+    def value_name(self) -> str:
+        """The measured quantity, without a unit that its name in the file may bear."""
+        return self.quantity or _UNIT_BEHIND.sub("", self.episode.units.value)
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of the values, from the name in the file where none is given: m for "depth (m)"; else empty."""
+        behind = None if self.value_scale is not None else _UNIT_BEHIND.search(self.episode.units.value)
+        return self.unit or (behind[1] if behind else "")
+
+    @property
+    def threshold(self) -> float:
+        """Value from which, or up to which, a place is of high interest, in the user's unit."""
+        return float(self.values(np.asarray(self.episode.scenario.threshold)))
+
+    @property
+    def inverted(self) -> bool:
+        """Whether low values are the interesting ones."""
+        return self.episode.units.inverted if self.value_scale is None else self.value_scale < 0
+
+    @property
+    def outline(self) -> Float[np.ndarray, "v 2"]:
+        """Border of the area, or of the domain where none is given, which a projection may bend; user's coordinates."""
+        if self.area is not None:
+            return np.asarray(self.area, np.float64)
+        width, height = self.episode.scenario.extent
+        along = np.linspace(0.0, 1.0, 16, endpoint=False)[:, None]
+        corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height], [0.0, 0.0]])
+        sides = [a + along * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        return self.points(np.concatenate(sides))
+
+    @property
+    def rings(self) -> tuple[np.ndarray, ...]:
+        """No-go zones in the user's coordinates."""
+        if self.no_go is not None:
+            return self.no_go
+        return () if self.area is not None else tuple(self.points(np.array(p)) for p in self.episode.scenario.obstacles)
+
+    @property
+    def prior(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Places (p, 2) and values (p,) of earlier samples, user's coordinates and unit; None where there are none."""
+        if self.prior_x is not None and self.prior_y is not None:
+            found = np.asarray(self.prior_x, np.float64), np.asarray(self.prior_y, np.float64)
+        else:
+            samples = getattr(self.episode, "prior", None)
+            found = None if samples is None else (self.points(samples.x), self.values(samples.y))
+        return found if found is not None and len(found[1]) else None
+
+    def points(self, points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
+        """The user's coordinates of domain positions. Raises `InputError` where `to_user` gives none."""
+        points = np.asarray(points, np.float64)
+        if self.to_user is None:
+            return np.asarray(self.episode.units.points(points), np.float64)
+        there = np.asarray(self.to_user(points.reshape(-1, 2)), np.float64).reshape(points.shape)
+        if not np.isfinite(there).all():
+            raise InputError("to_user: gives coordinates that are not finite")
+        return there
+
+    def values(self, values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """The user's values of normalised ones."""
+        if self.value_scale is None:
+            return self.episode.units.values(values)
+        return np.asarray(np.asarray(values) * self.value_scale + self.value_offset)
+
+    def std(self, std: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Errors and standard deviations in the user's unit."""
+        if self.value_scale is None:
+            return self.episode.units.std(std)
+        return np.asarray(np.asarray(std) * abs(self.value_scale))
+
+    def aspect(self, latitude: float) -> float:
+        """Length on the ground of a unit of y over that of a unit of x, at this latitude (degrees) if geographic."""
+        if self.to_user is None:
+            return self.episode.units.aspect
+        return 1.0 / max(float(np.cos(np.radians(latitude))), 0.01) if self.geographic else 1.0
+
+    def _axis_label(self, degrees: str, metres: str, other: str) -> str:
+        if self.geographic:
+            return degrees
+        if self.to_user is not None:
+            return metres
+        return other if self.episode.mapping is not None else f"{other} (domain units)"

@@ -1,0 +1,144 @@
+"""The words and numbers of a report's page: its facts, key numbers and the table of robots, as HTML."""
+
+import html
+from importlib.metadata import PackageNotFoundError, version
+from unicodedata import category
+
+import numpy as np
+
+from maipp.viz.report_frames import Frames
+from maipp.viz.report_survey import SurveyReport
+from maipp.viz.report_units import Unit, decimals, length_unit, number, percent, setting, time_unit
+from maipp.viz.style import agent_colour, agent_line
+
+_DASH_ARRAYS = {"-": "none", (0, (5, 1.5)): "6 3", (0, (1, 1)): "2 3"}
+
+
+def escaped(text: str) -> str:
+    """The text as HTML shows it, whatever it holds: control characters and halves of others as U+FFFD."""
+    return html.escape(
+        "".join("\N{REPLACEMENT CHARACTER}" if category(sign) in ("Cc", "Cs") else sign for sign in text)
+    )
+
+
+def facts(report: SurveyReport) -> str:
+    """Who planned what, when and with which settings."""
+    episode, scenario = report.episode, report.episode.scenario
+    options = " ".join(f"{name}={value}" for name, value in episode.options.items())
+    length, bound = length_unit(report), "≤" if report.inverted else "≥"
+    entries = [
+        ("Date", report.date),
+        ("Planner", f"{episode.planner} {options}".strip()),
+        ("Robots", str(len(episode.agents))),
+        ("Measured", _quantity(report)),
+        ("Of high interest", f"{report.value_name} {bound} {setting(report.threshold)} {report.value_unit}".rstrip()),
+        ("Measurement every", length.setting(scenario.measurement_interval)),
+        ("Length scale of the belief", length.setting(scenario.length_scale)),
+        ("Communication range", "unlimited" if scenario.comm_range is None else length.setting(scenario.comm_range)),
+        ("Seed", str(episode.seed)),
+        ("Made with", f"maipp {_version()}"),
+    ]
+    rows = "".join(f"<div><dt>{name}</dt><dd>{escaped(value)}</dd></div>" for name, value in entries if value)
+    return f'<dl class="facts">{rows}</dl>'
+
+
+def key_numbers(report: SurveyReport, frames: Frames) -> str:
+    """The few numbers that say how the survey ended."""
+    episode, length = report.episode, length_unit(report)
+    count = sum(len(agent.measurement_y) for agent in episode.agents)
+    before, after = frames.trace[0], frames.trace[-1]
+    spread = f"; standard deviation in it {_valued(frames.spread[-1], report)} (root mean square)"
+    spread = spread if frames.area[-1] > 0 else ""
+    cards = [
+        ("Uncertainty left", f"Tr(P) {number(after)}", f"{percent(after, before)} of {number(before)} at the start"),
+        (
+            "Predicted area of high interest",
+            percent(frames.area[-1], 1.0),
+            f"of the survey area{spread}",
+        ),
+    ]
+    if report.truth_known:
+        cards.append(("Error of the predicted mean", _valued(frames.rmse[-1], report), "RMSE over the survey area"))
+        found = frames.found[-1]
+        share = percent(found, 1.0) if np.isfinite(found) else "there is none"
+        cards.append(("True area of high interest", share, "lies in the predicted one" if np.isfinite(found) else ""))
+    duration = Unit(time_unit(report).factor, time_unit(report).name or "units of time").text(episode.end)
+    cards.append(("Travelled", length.text(episode.distance), f"by the team, in {duration}"))
+    known = 0 if report.prior is None else len(report.prior[1])
+    earlier = f", besides {known} earlier sample{'' if known == 1 else 's'}" if known else ""
+    cards.append(("Measurements", str(count), f"after {episode.decisions} decisions{earlier}"))
+    items = "".join(
+        f'<div class="card"><dt>{name}</dt><dd><strong>{escaped(value)}</strong><span>{escaped(more)}</span></dd></div>'
+        for name, value, more in cards
+    )
+    return f'<dl class="cards">{items}</dl>'
+
+
+def warnings(report: SurveyReport) -> str:
+    """What to know before trusting the numbers; nothing where there are no warnings."""
+    if not report.warnings:
+        return ""
+    items = "".join(f"<li>{escaped(text)}</li>" for text in report.warnings)
+    return f'<section class="warnings" aria-label="Warnings"><h2>Warnings</h2><ul>{items}</ul></section>'
+
+
+def robot_table(report: SurveyReport) -> str:
+    """What every robot did, one row each."""
+    episode, length, time = report.episode, length_unit(report), time_unit(report)
+    corners = report.points(np.array([[0.0, 0.0], episode.scenario.extent]))
+    digits = decimals(float(np.ptp(corners, axis=0).max()), 5 if report.geographic else 4)
+    unit = f" ({time.name})" if time.name else ""
+    place = ", ".join(label.partition(" (")[0].partition(",")[0] for label in (report.x_label, report.y_label))
+    heads = [
+        "Robot",
+        f"Start ({place})",
+        f"Budget ({length.name})",
+        f"Travelled ({length.name})",
+        f"Time{unit}",
+        "Measurements",
+        "Decisions",
+        f"End ({place})",
+    ]
+    rows = []
+    for index, agent in enumerate(episode.agents):
+        start, end = (report.points(place[None])[0] for place in (agent.start, agent.route[-1]))
+        cells = [
+            f"{start[0]:.{digits}f}, {start[1]:.{digits}f}",
+            number(agent.budget * length.factor, 4),
+            number(agent.distance * length.factor, 4),
+            number(float(agent.route_time[-1]) * time.factor),
+            str(len(agent.measurement_y)),
+            str(agent.decisions),
+            f"{end[0]:.{digits}f}, {end[1]:.{digits}f}",
+        ]
+        name = f'<th scope="row">{swatch(index)}<bdi>{escaped(report.robots[index])}</bdi></th>'
+        rows.append(f"<tr>{name}{''.join(f'<td>{escaped(cell)}</td>' for cell in cells)}</tr>")
+    head = "".join(f'<th scope="col">{escaped(text)}</th>' for text in heads)
+    return (
+        '<div class="scroll" tabindex="0" role="region" aria-label="Table of robots">'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def swatch(index: int) -> str:
+    """A piece of a robot's line, as a picture."""
+    dashes = _DASH_ARRAYS[agent_line(index)]
+    return (
+        '<svg class="swatch" viewBox="0 0 24 8" aria-hidden="true"><path d="M0 4H24" '
+        f'stroke="{agent_colour(index)}" stroke-width="3" stroke-dasharray="{dashes}"/></svg>'
+    )
+
+
+def _quantity(report: SurveyReport) -> str:
+    return f"{report.value_name} ({report.value_unit})" if report.value_unit else report.value_name
+
+
+def _valued(value: float, report: SurveyReport) -> str:
+    return f"{number(float(value))} {report.value_unit}".rstrip()
+
+
+def _version() -> str:
+    try:
+        return version("maipp")
+    except PackageNotFoundError:  # run from a source tree
+        return "from a source tree"
