@@ -3,6 +3,7 @@
 import warnings
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from pettingzoo.test import (  # noqa: E402
     seed_test,
 )
 
-import maipp.adapters.pettingzoo as surveys  # noqa: E402
+import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp.errors import InputError  # noqa: E402
 
+surveys: Any = environments
 FORMS = [{}, {"view": "graph"}, {"actions": "waypoint"}]
 # What PettingZoo's tests say of every environment that keeps its mask in the observation, its board games included.
 EXPECTED = ("Observation is not a NumPy array", "Observation space for each agent probably should be")

@@ -1,6 +1,7 @@
 """Driven by a planner's choices, an environment goes through the planner's own survey; and the laws of its turns."""
 
 import math
+from typing import Any
 
 import jax
 import numpy as np
@@ -11,10 +12,12 @@ from hypothesis import strategies as st
 pytest.importorskip("pettingzoo")
 
 import maipp  # noqa: E402
-import maipp.adapters.pettingzoo as surveys  # noqa: E402
+import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp import Scenario  # noqa: E402
+from maipp.adapters import moves  # noqa: E402
 from maipp.errors import InputError  # noqa: E402
 
+surveys: Any = environments  # its observations are arrays or dictionaries, by the options
 SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
 # Unequal robots that seldom hear each other: what is known, and who is due when, depends on the order of events.
 UNEQUAL = SMALL.replace(budget=(1.2, 0.9, 1.1), speed=(1.0, 0.7, 1.3), comm_range=0.3, last_leg="stop")
@@ -43,6 +46,7 @@ class Replay:
     def __init__(self, final):
         self.route = np.asarray(final.route)[0]
         self.taken = [0] * len(self.route)
+        self.left: dict[str, float] = {}
 
     def choose(self, env, agent, observation):
         index = env.possible_agents.index(agent)
@@ -87,6 +91,8 @@ def play_parallel(env, seed, choose, replay=None):
 
 @pytest.mark.parametrize("kind", ["aec", "parallel"])
 @pytest.mark.parametrize(
+    ("scenario", "name"),
+    [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
     ("scenario", "name"),
     [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
     ids=["greedy", "unequal", "zones"],
@@ -206,13 +212,12 @@ def test_a_seed_gives_the_simulator_s_world_and_those_that_follow():
     np.testing.assert_array_equal(following, other.simulator_state()[0].truth)
 
 
-def test_environments_of_one_scenario_share_what_is_compiled(caplog):
+def test_environments_of_one_scenario_share_what_is_compiled():
+    compiled: Any = moves.play
     play_aec(surveys.aec_env(SMALL), 1, widest)
-    from maipp.adapters.moves import play
-
-    before = play._cache_size()
+    before = compiled._cache_size()
     play_aec(surveys.aec_env(Scenario.from_dict(SMALL.to_dict()), reward="log-trace", max_cycles=3), 2, widest)
-    assert play._cache_size() == before
+    assert compiled._cache_size() == before
 
 
 def test_a_map_of_one_s_own_is_what_is_measured():
