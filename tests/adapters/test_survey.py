@@ -93,8 +93,6 @@ def play_parallel(env, seed, choose, replay=None):
 @pytest.mark.parametrize(
     ("scenario", "name"),
     [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
-    ("scenario", "name"),
-    [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
     ids=["greedy", "unequal", "zones"],
 )
 def test_a_planner_s_choices_give_its_survey(scenario, name, kind):

@@ -8,7 +8,7 @@ from pettingzoo import AECEnv
 
 from maipp.adapters.form import Form
 from maipp.adapters.moves import begin, look, play
-from maipp.adapters.survey import RENDER_MODES, Survey, most_cycles
+from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.adapters.view import View
 from maipp.scenario import Scenario
 from maipp.simulator.mission import Field
@@ -62,8 +62,7 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         self.agent_selection = agent
         self._views[agent] = view
         stuck = not view.allowed.any()
-        limit = most_cycles(self.scenario)
-        full = stuck and self._decided[index] >= limit
+        full = stuck and self._decided[index] >= self._most_decisions
         self.terminations[agent] = stuck and not full
         self.truncations[agent] = full or (
             not stuck and self.max_cycles is not None and self._decided[index] >= self.max_cycles

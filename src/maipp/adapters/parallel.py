@@ -8,7 +8,7 @@ from pettingzoo import ParallelEnv
 
 from maipp.adapters.form import Form
 from maipp.adapters.moves import look_all, move, start
-from maipp.adapters.survey import RENDER_MODES, Survey, most_cycles
+from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.simulator.mission import Field
@@ -101,7 +101,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
             for index in map(int, np.flatnonzero(self._due)):
                 name, view = self.possible_agents[index], self._views[index]
                 stuck = not view.allowed.any()
-                full = stuck and self._decided[index] >= most_cycles(self.scenario)
+                full = stuck and self._decided[index] >= self._most_decisions
                 terminations[name], truncations[name] = stuck and not full, full
                 rewards[name] = self._gain(index, float(view.trace), terminations[name])
                 if stuck:

@@ -71,6 +71,7 @@ class Survey:
         self.action_spaces = {name: action_space(scenario, form, moves) for name in self.possible_agents}
         self.observation_spaces = {name: observation_space(scenario, form, moves) for name in self.possible_agents}
         self._moves = moves
+        self._most_decisions = route_capacity(scenario, Announcer(scenario)) - 1  # then an agent's record is full
         self._seeds = np.random.default_rng()
         self._figure: Any = None
 
@@ -195,11 +196,6 @@ class Survey:
 
             pyplot.close(self._figure)
             self._figure = None
-
-
-def most_cycles(scenario: Scenario) -> int:
-    """Decisions after which the engine's record of an agent is full."""
-    return route_capacity(scenario, Announcer(scenario)) - 1
 
 
 def _brief(action: Any) -> str:
