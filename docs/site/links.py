@@ -14,7 +14,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
-PROJECT = {name: f"project/{name.split('.')[0].lower()}.md" for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")}
+PROJECT = {f"{name}.md": f"project/{name.lower()}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")}
 
 # A link or picture outside of code: [text](target), ![text](target).
 _LINK = re.compile(r"(?<!`)(!?)\[([^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*)\]\(([^()\s]+)\)")
