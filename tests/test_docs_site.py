@@ -139,7 +139,7 @@ def resolve(name: str) -> object:
     return value
 
 
-SYMBOLS = rows("concepts.md", "<!-- symbols -->", "<!-- /symbols -->")[1:]
+SYMBOLS = rows("concepts.md", "<!-- symbols -->", "<!-- /symbols -->")
 
 
 @pytest.mark.parametrize("row", SYMBOLS, ids=lambda row: row[0])
@@ -165,7 +165,7 @@ def test_options_of_the_environments_are_those_of_the_page():
     pytest.importorskip("pettingzoo")
     from maipp.adapters.pettingzoo import SurveyAEC, SurveyParallel
 
-    told = {row[0].strip("`"): row[1].strip("`") for row in rows("pettingzoo.md", "## Options", "Tr(P) is that")[1:]}
+    told = {row[0].strip("`"): row[1].strip("`") for row in rows("pettingzoo.md", "## Options", "Tr(P) is that")}
     for kind in (SurveyAEC, SurveyParallel):
         parameters = dict(inspect.signature(kind.__init__).parameters)
         options = {name: str(p.default) for name, p in parameters.items() if name not in ("self", "scenario")}
@@ -178,7 +178,7 @@ def test_columns_and_bounds_are_those_of_the_page():
     from maipp.adapters import form
 
     scenario = Scenario(agents=2, budget=2.5)
-    table = rows("pettingzoo.md", "| Block | Column", "| Entry of the graph")[1:]
+    table = rows("pettingzoo.md", "| Block | Column", "| Entry of the graph")
     words = {"budget": 2.5, "diagonal": 2**0.5, "prior's": 1.0, "prior's variance": 1.0}
     blocks: dict[str, form.Block] = dict(zip(("own", "team", "candidates"), form.blocks(scenario), strict=True))
     assert set(blocks) == {row[0] for row in table}
