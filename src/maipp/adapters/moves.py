@@ -1,0 +1,116 @@
+"""The engine's events as an environment needs them: compiled once per scenario, shared by all its environments."""
+
+import dataclasses
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from maipp.adapters.announcer import Announcer, nothing_told
+from maipp.adapters.form import Form
+from maipp.adapters.view import View, Way, candidates_from, view_of
+from maipp.scenario import Scenario
+from maipp.simulator.decision import Decision
+from maipp.simulator.engine import advance, hear, observe, time_tolerance, turn
+from maipp.simulator.mission import Mission
+from maipp.simulator.state import State, reset, route_capacity
+from maipp.typing import Array, Bool, Float, Index, Int
+
+Choice = Int[Array, ""] | Float[Array, "2"]  # index of a neighbour, or a waypoint, domain units
+
+
+def _way(scenario: Scenario, mission: Mission, state: State, agent: Index, time: Float[Array, ""]) -> Way:
+    ahead = jnp.maximum(state.arrival[agent] - time, 0.0) * mission.speeds[agent]
+    full = state.route_length[agent] + 1 > route_capacity(scenario, Announcer(scenario))
+    return Way(state.leg[agent, -1], jnp.where(state.active[agent], ahead, 0.0), full)
+
+
+def _depart(
+    scenario: Scenario,
+    form: Form,
+    mission: Mission,
+    state: State,
+    agent: Index,
+    choice: Choice,
+    stop: Bool[Array, ""],
+) -> State:
+    """The state after an agent that has heard the others set off on its choice, or stopped."""
+    target = choice
+    if form.actions == "neighbour":
+        roadmap = jax.tree.map(lambda a: a[agent], mission.roadmap)
+        points, _ = candidates_from(scenario, form, roadmap, state.leg[agent, -1], jnp.asarray(jnp.inf))
+        target = points[choice]
+    target = jnp.asarray(target, state.leg.dtype)
+    decision = Decision(target[None], jnp.where(stop, nothing_told(), target), (), stop)
+    return advance(scenario, Announcer(scenario), mission, state, agent, decision)
+
+
+def _wake(scenario: Scenario, form: Form, mission: Mission, state: State) -> tuple[State, Index, View]:
+    state, agent, observation = turn(scenario, mission, state)
+    return state, agent, view_of(scenario, form, observation, _way(scenario, mission, state, agent, state.time))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def begin(scenario: Scenario, form: Form, mission: Mission) -> tuple[State, Index, View]:
+    """The state when the first agent is due, that agent, and what it sees."""
+    return _wake(scenario, form, mission, reset(scenario, Announcer(scenario), mission))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def play(
+    scenario: Scenario,
+    form: Form,
+    mission: Mission,
+    state: State,
+    agent: Index,
+    choice: Choice,
+    stop: Bool[Array, ""],
+) -> tuple[State, Index, View]:
+    """The due agent sets off or stops; then the state when the next one is due, that agent, and what it sees."""
+    return _wake(scenario, form, mission, _depart(scenario, form, mission, state, agent, choice, stop))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def look(scenario: Scenario, form: Form, mission: Mission, state: State, agent: Index) -> View:
+    """What an agent would see at this moment; nothing is taken over into the state."""
+    heard_state, heard = hear(scenario, mission, state, agent)
+    observation = observe(scenario, mission, heard_state, agent, heard)
+    return view_of(scenario, form, observation, _way(scenario, mission, state, agent, state.time))
+
+
+@partial(jax.jit, static_argnums=(0,))
+def start(scenario: Scenario, mission: Mission) -> State:
+    """The state before the first event."""
+    return reset(scenario, Announcer(scenario), mission)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def move(
+    scenario: Scenario,
+    form: Form,
+    mission: Mission,
+    state: State,
+    agent: Index,
+    choice: Choice,
+    stop: Bool[Array, ""],
+) -> State:
+    """One whole event: an agent that has arrived hears the others and sets off, or stops."""
+    state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
+    state, _ = hear(scenario, mission, state, agent)
+    return _depart(scenario, form, mission, state, agent, choice, stop)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def look_all(
+    scenario: Scenario, form: Form, mission: Mission, state: State
+) -> tuple[Float[Array, ""], Bool[Array, " m"], View]:
+    """The time of the next arrival, who arrives then, and what every agent sees at that moment (leading axis m)."""
+    arrival = jnp.where(state.active, state.arrival, jnp.inf)
+    due = state.active & (arrival <= jnp.min(arrival) + time_tolerance(scenario))
+    time = jnp.where(state.active.any(), jnp.maximum(state.time, jnp.min(arrival)), state.time)
+
+    def one(agent: Index) -> View:
+        own_time = jnp.where(due[agent], jnp.maximum(time, state.arrival[agent]), time)
+        return look(scenario, form, mission, dataclasses.replace(state, time=own_time), agent)
+
+    return time, due, jax.vmap(one)(jnp.arange(scenario.agents))

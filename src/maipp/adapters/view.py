@@ -1,0 +1,164 @@
+"""What an agent of an environment sees: its belief, its way and its team in numbers of fixed shape and bounds."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from maipp.adapters.form import MEAN_LIMIT, Form, blocks
+from maipp.belief import Belief
+from maipp.policy import node_features
+from maipp.roadmap import Roadmap
+from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.simulator.decision import Observation
+from maipp.simulator.metrics import interest_of
+from maipp.typing import Array, Bool, Float, Index, Int, Point, Points, Vector
+
+# Legs up to this go nowhere, and whoever goes nowhere has stopped. Twice what the engine says, so that rounding never
+# makes the engine stop an agent that its environment takes to be on its way.
+SHORTEST_LEG = 2 * DISTANCE_TOLERANCE
+
+
+class Graph(NamedTuple):
+    """The agent's roadmap and its belief there."""
+
+    nodes: Float[Array, "n 5"]  # `node_features`, the last column what others announced
+    neighbours: Int[Array, "n k"]
+    reachable: Bool[Array, "n k"]
+    node: Index  # where the agent decides
+
+
+class View(NamedTuple):
+    """What one agent sees at a moment. An agent under way sees what it knows now, from where its leg ends."""
+
+    own: Float[Array, " o"]
+    team: Float[Array, "others t"]
+    candidates: Float[Array, "k c"]
+    allowed: Bool[Array, " k"]  # actions that the budget allows
+    end: Point  # where its leg ends, domain units
+    graph: Graph | None  # under view="graph"
+    trace: Float[Array, ""]  # Tr(P) of its own belief
+    remaining: Float[Array, ""]  # budget left on arrival, domain units
+
+
+class Way(NamedTuple):
+    """Where an agent's leg ends and what of it is left."""
+
+    end: Point  # domain units
+    ahead: Float[Array, ""]  # distance still to travel to the end, domain units
+    full: Bool[Array, ""]  # the record of its route has no room for another leg
+
+
+def node_at(roadmap: Roadmap, position: Point) -> Index:
+    """The roadmap node nearest to a position."""
+    offset = jnp.asarray(roadmap.nodes) - position
+    return jnp.argmin(jnp.sum(offset * offset, axis=-1)).astype(jnp.int32)
+
+
+def candidates_from(
+    scenario: Scenario, form: Form, roadmap: Roadmap | None, end: Point, remaining: Float[Array, ""]
+) -> tuple[Float[Array, "k 2"], Bool[Array, " k"]]:
+    """Where the actions lead to from the end of a leg, and which of them the remaining budget allows.
+
+    With waypoints any place is allowed while there is budget; shown are compass points one measurement away.
+    """
+    some = remaining > DISTANCE_TOLERANCE
+    if roadmap is None:
+        angle = jnp.arange(scenario.neighbours) * (2 * jnp.pi / scenario.neighbours)
+        step = scenario.measurement_interval * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+        points = jnp.clip(end + step.astype(end.dtype), 0.0, jnp.asarray(scenario.extent, end.dtype))
+        return points, jnp.full(scenario.neighbours, some)
+    node = node_at(roadmap, end)
+    lengths = jnp.asarray(roadmap.distances)[node]
+    within = lengths <= remaining + DISTANCE_TOLERANCE if scenario.last_leg == "stop" else some
+    allowed = jnp.asarray(roadmap.reachable)[node] & within & (lengths > SHORTEST_LEG)
+    return jnp.asarray(roadmap.nodes)[jnp.asarray(roadmap.neighbours)[node]], allowed
+
+
+def announced_near(scenario: Scenario, targets: Float[Array, "m 2"], told: Bool[Array, " m"], points: Points) -> Vector:
+    """How near each point is to the nearest announced target, in (0, 1], 1 at the target; 0 where none is told.
+
+    A Gaussian whose standard deviation is the measurement interval: within that an agent measures on its way there.
+    """
+    offset = points[:, None] - jnp.where(told[:, None], targets, 0.0)
+    squared = jnp.where(told, jnp.sum(offset * offset, axis=-1), jnp.inf)
+    return jnp.exp(-jnp.min(squared, axis=-1) / (2 * scenario.measurement_interval**2))
+
+
+def _around(scenario: Scenario, belief: Belief, area: Bool[Array, " q"], points: Points) -> Vector:
+    """Variance within the high-interest area around each point: a mean weighted by nearness, half a length scale."""
+    offset = points[:, None] - belief.query
+    nearness = jnp.exp(-jnp.sum(offset * offset, axis=-1) / (2 * (scenario.length_scale / 2) ** 2))
+    worth = jnp.sum(nearness * jnp.where(area, belief.variance, 0.0), axis=-1)
+    return worth / jnp.maximum(jnp.sum(nearness, axis=-1), 1e-12)
+
+
+def view_of(scenario: Scenario, form: Form, observation: Observation, way: Way) -> View:
+    """What the agent of this observation sees; all numbers lie within the bounds of `blocks`."""
+    longest, m = max(scenario.extent), scenario.agents
+    interest, belief, end = interest_of(scenario), observation.belief, way.end
+    area = interest.area(belief.mean, belief.variance, observation.inside)
+    trace = interest.trace(belief.mean, belief.variance, observation.inside)
+    scale = scenario.signal_variance * scenario.grid_points
+    own = jnp.stack(
+        [
+            *(end / longest),
+            way.ahead / longest,
+            observation.remaining / observation.budget,
+            observation.remaining / longest,
+            observation.to_next_measurement / scenario.measurement_interval,
+            trace / scale,
+            jnp.mean(area),
+        ]
+    )
+
+    heard = observation.heard
+    told = heard & jnp.isfinite(observation.messages).all(axis=-1)
+    others = (observation.agent + 1 + jnp.arange(m - 1)) % m
+    team = jnp.concatenate(
+        [
+            heard[:, None],
+            jnp.where(heard[:, None], (observation.positions - end) / longest, 0.0),
+            told[:, None],
+            jnp.where(told[:, None], (observation.messages - end) / longest, 0.0),
+        ],
+        axis=-1,
+    )[others]
+
+    roadmap = observation.roadmap
+    points, allowed = candidates_from(scenario, form, roadmap, end, observation.remaining)
+    allowed = allowed & ~way.full
+    there = belief.on(points)
+    offset = points - end
+    candidates = jnp.stack(
+        [
+            *(offset.T / longest),
+            jnp.sqrt(jnp.sum(offset * offset, axis=-1)) / longest,
+            there.mean,
+            there.std,
+            interest.area(there.mean, there.variance, jnp.ones(len(points), bool)),
+            _around(scenario, belief, area, points),
+            announced_near(scenario, observation.messages, told, points),
+            allowed,
+        ],
+        axis=-1,
+    )
+    graph = None
+    if form.view == "graph" and roadmap is not None:
+        nodes = jnp.asarray(roadmap.nodes)
+        at_nodes = belief.on(nodes)
+        near = announced_near(scenario, observation.messages, told, nodes)
+        mean = jnp.clip(at_nodes.mean, -MEAN_LIMIT, MEAN_LIMIT)
+        std = jnp.minimum(at_nodes.std, scenario.signal_variance**0.5)
+        graph = Graph(
+            node_features(nodes, end, mean, std, near, scenario.extent).astype(jnp.float32),
+            jnp.asarray(roadmap.neighbours).astype(jnp.int32),
+            jnp.asarray(roadmap.reachable),
+            node_at(roadmap, end),
+        )
+    # Rounding may carry a number past its bound by a digit, and an overshooting mean further.
+    low_high = blocks(scenario)
+    own, team, candidates = (
+        jnp.clip(part.astype(jnp.float32), bound.low, bound.high)
+        for part, bound in zip((own, team, candidates), low_high, strict=True)
+    )
+    return View(own, team, candidates, allowed, end, graph, trace, observation.remaining)

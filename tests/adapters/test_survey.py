@@ -1,0 +1,365 @@
+"""Driven by a planner's choices, an environment goes through the planner's own survey; and the laws of its turns."""
+
+import math
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("pettingzoo")
+
+import maipp  # noqa: E402
+import maipp.adapters.pettingzoo as environments  # noqa: E402
+from maipp import Scenario  # noqa: E402
+from maipp.adapters import moves  # noqa: E402
+from maipp.errors import InputError  # noqa: E402
+
+surveys: Any = environments  # its observations are arrays or dictionaries, by the options
+SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
+# Unequal robots that seldom hear each other: what is known, and who is due when, depends on the order of events.
+UNEQUAL = SMALL.replace(budget=(1.2, 0.9, 1.1), speed=(1.0, 0.7, 1.3), comm_range=0.3, last_leg="stop")
+# Two zones between which a leg fits.
+ZONES = SMALL.replace(
+    obstacles=(((0.3, 0.0), (0.4, 0.0), (0.4, 0.6), (0.3, 0.6)), ((0.7, 0.4), (0.8, 0.4), (0.8, 1.0))), start=(0.1, 0.1)
+)
+
+
+def planner_survey(scenario, name, seed):
+    """The mission and the final state of a registered planner's survey."""
+    planner = maipp.make_planner(name, scenario)
+    missions = maipp.draw_missions(scenario, seed=seed, instances=1)
+    return maipp.run_missions(scenario, planner, missions, jax.random.key(seed))
+
+
+def numbers(state):
+    """All fields that do not depend on the planner."""
+    names = set(state.__dataclass_fields__) - {"messages", "memory"}
+    return {name: np.asarray(getattr(state, name))[0] for name in sorted(names)}
+
+
+class Replay:
+    """Chooses in an environment what a finished survey chose, one recorded vertex after the other."""
+
+    def __init__(self, final):
+        self.route = np.asarray(final.route)[0]
+        self.taken = [0] * len(self.route)
+        self.left: dict[str, float] = {}
+
+    def choose(self, env, agent, observation):
+        index = env.possible_agents.index(agent)
+        self.taken[index] += 1
+        vertex, end = self.route[index, self.taken[index]], self.route[index, self.taken[index] - 1]
+        candidates = surveys.split_view(env.scenario, observation["observation"]).candidates
+        left = env.infos[agent]["remaining"] if hasattr(env, "infos") else self.left[agent]
+        lengths = np.maximum(candidates[:, 2], 1e-9)
+        ends = end + candidates[:, :2] * np.minimum(1.0, left / lengths)[:, None]
+        miss = np.linalg.norm(ends - vertex, axis=1)
+        choice = int(np.argmin(np.where(observation["action_mask"][: len(miss)] == 1, miss, np.inf)))
+        assert miss[choice] < 1e-5, "the planner went where the mask allows nothing"
+        return choice
+
+
+def play_aec(env, seed, choose):
+    """Run a survey to its end; how many steps each agent took, and its reward."""
+    env.reset(seed=seed)
+    total = dict.fromkeys(env.possible_agents, 0.0)
+    for agent in env.agent_iter():
+        observation, reward, terminated, truncated, _ = env.last()
+        total[agent] += reward
+        env.step(None if terminated or truncated else choose(env, agent, observation))
+    return total
+
+
+def play_parallel(env, seed, choose, replay=None):
+    observations, infos = env.reset(seed=seed)
+    total = dict.fromkeys(env.possible_agents, 0.0)
+    while env.agents:
+        if replay is not None:
+            replay.left = {name: infos[name]["remaining"] for name in env.agents}
+        actions = {
+            name: env.scenario.neighbours if infos[name]["travelling"] else choose(env, name, observations[name])
+            for name in env.agents
+        }
+        observations, rewards, *_, infos = env.step(actions)
+        for name, reward in rewards.items():
+            total[name] += reward
+    return total
+
+
+@pytest.mark.parametrize("kind", ["aec", "parallel"])
+@pytest.mark.parametrize(
+    ("scenario", "name"),
+    [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
+    ids=["greedy", "unequal", "zones"],
+)
+def test_a_planner_s_choices_give_its_survey(scenario, name, kind):
+    final = planner_survey(scenario, name, seed=5)
+    replay = Replay(final)
+    if kind == "aec":
+        env = surveys.aec_env(scenario)
+        play_aec(env, 5, replay.choose)
+    else:
+        env = surveys.parallel_env(scenario)
+        play_parallel(env, 5, replay.choose, replay)
+    mission, state = env.simulator_state()
+    for key, value in numbers(final).items():
+        np.testing.assert_allclose(numbers(state)[key], value, atol=1e-5, err_msg=key)
+    expected = maipp.score_missions(scenario, mission, final)
+    np.testing.assert_allclose(env.metrics().own_trace, expected.own_trace, rtol=1e-3)
+    assert env.episode().decisions == int(final.events[0])
+
+
+def widest(env, agent, observation):
+    """The allowed neighbour that the agent knows least of."""
+    std = surveys.split_view(env.scenario, observation["observation"]).candidates[:, 4]
+    return int(np.argmax(np.where(observation["action_mask"][: len(std)] == 1, std, -1)))
+
+
+@pytest.mark.parametrize("reward", ["paper", "log-trace"])
+def test_rewards_are_those_of_the_trace_between_an_agent_s_decisions(reward):
+    env = surveys.aec_env(SMALL, reward=reward)
+    env.reset(seed=2)
+    traces = {name: [] for name in env.possible_agents}
+    total = dict.fromkeys(env.possible_agents, 0.0)
+    for agent in env.agent_iter():
+        observation, gained, terminated, _, info = env.last()
+        traces[agent].append(info["trace"])
+        total[agent] += gained
+        env.step(None if terminated else widest(env, agent, observation))
+    for agent, seen in traces.items():
+        assert seen[0] == pytest.approx(64.0, rel=1e-3) and len(seen) > 3  # the prior, on 8 x 8 points
+        if reward == "log-trace":
+            worth = math.log(seen[0]) - math.log(seen[-1])
+        else:
+            worth = sum((a - b) / a for a, b in zip(seen, seen[1:], strict=False)) - 0.02 * seen[-1]
+        assert total[agent] == pytest.approx(worth, rel=1e-4)
+
+
+def test_both_environments_give_an_agent_alone_the_same_rewards():
+    alone = SMALL.replace(agents=1)
+    one = play_aec(surveys.aec_env(alone), 3, widest)
+    other = play_parallel(surveys.parallel_env(alone), 3, widest)
+    assert one["robot_0"] == pytest.approx(other["robot_0"], abs=1e-5) and one["robot_0"] != 0
+
+
+def test_the_mask_allows_what_the_budget_does():
+    env = surveys.aec_env(UNEQUAL)
+    env.reset(seed=4)
+    checked = 0
+    for agent in env.agent_iter():
+        observation, _, terminated, _, info = env.last()
+        lengths = surveys.split_view(UNEQUAL, observation["observation"]).candidates[:, 2]
+        if not terminated:
+            fits = (lengths <= info["remaining"] + 1e-5) & (lengths > 1e-5)
+            assert (observation["action_mask"] == fits).all()
+            checked += 1
+        assert all(env.observe(name)["action_mask"].sum() == 0 for name in env.agents if name != agent)
+        env.step(None if terminated else widest(env, agent, observation))
+    assert checked > 6
+
+
+def test_who_travels_may_only_wait_and_is_not_asked():
+    env = surveys.parallel_env(SMALL)
+    observations, infos = env.reset(seed=6)
+    waited = 0
+    while env.agents:
+        actions = {}
+        for name in env.agents:
+            mask = observations[name]["action_mask"]
+            if infos[name]["travelling"]:
+                assert mask.tolist() == [0, 0, 0, 0, 1]
+                waited += 1
+                actions[name] = "no action at all"
+            else:
+                assert mask[-1] == 0 and mask.any()
+                actions[name] = widest(env, name, observations[name])
+        observations, *_, infos = env.step(actions)
+    assert waited > 3
+
+
+def test_agents_hear_where_the_others_are_going():
+    env = surveys.aec_env(SMALL)
+    env.reset(seed=7)
+    first, second = env.possible_agents[:2]
+    parts = surveys.split_view(SMALL, env.last()[0]["observation"])
+    place = parts.own[:2] + parts.candidates[0, :2]
+    env.step(0)
+    assert env.agent_selection == second
+    heard = surveys.split_view(SMALL, env.last()[0]["observation"])
+    told = heard.team[-1]  # the first agent is the last of the others when counted from the second on
+    assert told[0] == told[3] == 1
+    np.testing.assert_allclose(heard.own[:2] + told[4:], place, atol=1e-6)
+    assert heard.team[0, 3] == 0  # the third has told nothing yet
+    distance = np.linalg.norm(heard.own[:2] + heard.candidates[:, :2] - place, axis=1)
+    np.testing.assert_allclose(heard.candidates[:, 7], np.exp(-(distance**2) / 0.08), atol=1e-4)
+
+
+def test_a_seed_gives_the_simulator_s_world_and_those_that_follow():
+    env, other = surveys.aec_env(SMALL), surveys.parallel_env(SMALL)
+    missions = maipp.draw_missions(SMALL, seed=11, instances=1)
+    env.reset(seed=11)
+    other.reset(seed=11)
+    np.testing.assert_array_equal(env.simulator_state()[0].truth, missions.truth)
+    env.reset()
+    other.reset()
+    following = env.simulator_state()[0].truth
+    assert not np.array_equal(following, missions.truth)
+    np.testing.assert_array_equal(following, other.simulator_state()[0].truth)
+
+
+def test_environments_of_one_scenario_share_what_is_compiled():
+    compiled: Any = moves.play
+    play_aec(surveys.aec_env(SMALL), 1, widest)
+    before = compiled._cache_size()
+    play_aec(surveys.aec_env(Scenario.from_dict(SMALL.to_dict()), reward="log-trace", max_cycles=3), 2, widest)
+    assert compiled._cache_size() == before
+
+
+def test_a_map_of_one_s_own_is_what_is_measured():
+    field = jax.tree.map(lambda a: a[0], maipp.draw_missions(SMALL, seed=20, instances=1).field)
+    env = surveys.aec_env(SMALL, field=field)
+    env.reset(seed=1)
+    one = np.asarray(env.simulator_state()[0].truth)
+    env.reset(seed=2)
+    np.testing.assert_array_equal(one, env.simulator_state()[0].truth)
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 30), data=st.data())
+def test_masked_actions_are_replaced_by_the_nearest_that_is_allowed(seed, data):
+    env = surveys.aec_env(UNEQUAL)
+    env.reset(seed=seed)
+    for agent in env.agent_iter():
+        observation, _, terminated, truncated, info = env.last()
+        if terminated or truncated:
+            env.step(None)
+            continue
+        action = data.draw(st.integers(0, 3))
+        allowed = observation["action_mask"].astype(bool)
+        candidates = surveys.split_view(UNEQUAL, observation["observation"]).candidates
+        squared = ((candidates[:, :2] - candidates[action, :2]) ** 2).sum(axis=1)
+        taken = action if allowed[action] else int(np.argmin(np.where(allowed, squared, np.inf)))
+        target = np.asarray(env.simulator_state()[1].leg)[0, env.possible_agents.index(agent), -1]
+        target = target + candidates[taken, :2]
+        env.step(action)
+        went = np.asarray(env.simulator_state()[1].leg)[0, env.possible_agents.index(agent), -1]
+        np.testing.assert_allclose(went, target, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["aec", "parallel"])
+def test_masked_actions_can_be_refused(kind):
+    make = surveys.aec_env if kind == "aec" else surveys.parallel_env
+    env = make(ZONES.replace(neighbours=8), masked="raise", actions="neighbour")
+    env.reset(seed=0)
+    before = numbers(env.simulator_state()[1])
+    if kind == "parallel":
+        with pytest.raises(InputError, match=r"robot_0: action 8 is masked; allowed now: \[0, 1"):
+            env.step(dict.fromkeys(env.agents, 8))
+    else:
+        mask = env.last()[0]["action_mask"]
+        for action in np.flatnonzero(mask == 0):
+            with pytest.raises(InputError, match="is masked; allowed now"):
+                env.step(action)
+    for key, value in numbers(env.simulator_state()[1]).items():
+        np.testing.assert_array_equal(value, before[key])
+
+
+NO_ACTIONS = st.one_of(
+    st.integers(min_value=5),
+    st.integers(max_value=-1),
+    st.floats(),
+    st.text(max_size=5),
+    st.none(),
+    st.lists(st.floats()),
+)
+
+
+@given(action=NO_ACTIONS)
+def test_what_is_no_action_is_told_and_changes_nothing(action):
+    env, other = surveys.aec_env(SMALL), surveys.parallel_env(SMALL)
+    for each in (env, other):
+        each.reset(seed=0)
+    with pytest.raises(InputError, match="robot_0: .* is not an action; give a member of Discrete") as caught:
+        env.step(action)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="robot_1: .* is not an action"):
+        other.step({"robot_0": 0, "robot_1": action, "robot_2": 0})
+    assert env.agent_selection == "robot_0" and (other.simulator_state()[1].events == 0).all()
+
+
+@given(action=st.lists(st.floats(width=32), min_size=2, max_size=2))
+def test_waypoints_anywhere_but_in_the_domain_are_refused(action):
+    env = surveys.aec_env(SMALL, actions="waypoint")
+    env.reset(seed=0)
+    place = np.array(action, np.float32)
+    if ((place >= 0) & (place <= 1)).all():
+        env.step(place)
+        assert env.simulator_state()[1].events[0] == 1
+    else:
+        with pytest.raises(InputError, match="is not an action; give a member of Box"):
+            env.step(place)
+
+
+def test_waypoints_are_cut_at_the_budget_and_a_waypoint_on_the_spot_ends_the_survey():
+    env = surveys.aec_env(SMALL.replace(agents=1, start=(0.0, 0.0)), actions="waypoint")
+    env.reset(seed=0)
+    env.step(np.array([1.0, 1.0], np.float32))
+    assert env.terminations["robot_0"]
+    final = env.simulator_state()[1]
+    assert float(final.odometer[0, 0]) == pytest.approx(1.2, abs=1e-5) and int(final.taken[0, 0]) == 6
+    env.reset(seed=0)
+    env.step(np.zeros(2, np.float32))
+    assert env.terminations["robot_0"] and env.last()[1] == pytest.approx(-0.02 * 64, rel=1e-3)
+    env.step(None)
+    assert not env.agents and not env.simulator_state()[1].active.any()
+
+
+def test_a_missing_action_is_told():
+    env = surveys.parallel_env(SMALL)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="robot_2: no action"):
+        env.step({"robot_0": 0, "robot_1": 0})
+
+
+def test_the_engine_s_own_limit_truncates():
+    # Forth and back between two nodes side by side: the record of the route fills before the budget is spent.
+    close = SMALL.replace(agents=1, budget=3.0, nodes=150, measurement_interval=3.0)
+    env = surveys.aec_env(close)
+    env.reset(seed=0)
+    steps = 0
+    while env.agents:
+        observation, _, terminated, truncated, _ = env.last()
+        if terminated or truncated:
+            break
+        env.step(int(np.argmax(observation["action_mask"])))  # neighbours are sorted by distance
+        steps += 1
+    assert steps == 8 * 1 + 16 and truncated and not terminated
+    assert env.rewards["robot_0"] > -0.02 * 64  # no penalty for the end: the survey was cut short
+
+
+def test_a_picture_and_a_text_show_where_everybody_is():
+    env = surveys.aec_env(SMALL, render_mode="ansi")
+    env.reset(seed=3)
+    for _ in range(5):
+        env.step(0)
+    text = env.render()
+    assert text.startswith("time 0.") and len(text.splitlines()) == 4
+    mission, state = env.simulator_state()
+    agent = env.possible_agents.index(env.agent_selection)
+    x, y = np.asarray(state.leg)[0, agent, -1]
+    assert f"{env.agent_selection}  at ({x:.3f}, {y:.3f})" in text
+
+
+def test_in_parallel_too_a_waypoint_on_the_spot_ends_one_survey_alone():
+    env = surveys.parallel_env(SMALL.replace(start=(0.5, 0.5)), actions="waypoint")
+    env.reset(seed=0)
+    middle, corner = np.array([0.5, 0.5], np.float32), np.array([1.0, 1.0], np.float32)
+    _, rewards, terminations, truncations, _ = env.step({"robot_0": corner, "robot_1": middle, "robot_2": corner})
+    assert terminations == {"robot_0": False, "robot_1": True, "robot_2": False} and not any(truncations.values())
+    assert rewards["robot_1"] == pytest.approx(-0.02 * 64, rel=1e-3)
+    assert env.agents == ["robot_0", "robot_2"]
+    env.step({"robot_0": np.zeros(2, np.float32), "robot_2": np.zeros(2, np.float32)})
+    assert not env.agents and not env.simulator_state()[1].active.any()
