@@ -1,6 +1,7 @@
 """The table over length scales and shapes: worlds from the prior, cells kept, what is left of the initial trace."""
 
 import csv
+from typing import Any
 
 import jax
 import numpy as np
@@ -18,7 +19,12 @@ TINY = Scenario(agents=2, grid=8, nodes=12, neighbours=4, measurement_interval=1
 
 
 def flags(out, **changes):
-    given = {"length_scales": (0.3, 0.6), "aspects": (2.0,), "budgets": (1.0, 2.0), "planners": ("random",)}
+    given: dict[str, Any] = {
+        "length_scales": (0.3, 0.6),
+        "aspects": (2.0,),
+        "budgets": (1.0, 2.0),
+        "planners": ("random",),
+    }
     return Standardised(out=out, **(given | {"instances": 3} | changes))
 
 

@@ -36,7 +36,7 @@ def test_samples_and_kernel_are_drawn():
     words = " ".join(text.get_text() for text in figure.texts)
     assert (
         "60 samples" in words
-        and f"length scale {FIT.length_scale:.0f} ± {FIT.length_scale_error:.0f} m" in words
+        and f"length scale {FIT.length_scale:.0f} ± 130 m" in words
         and f"mean {FIT.mean:.3g}" in words
     )
 

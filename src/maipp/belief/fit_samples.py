@@ -63,7 +63,7 @@ def thinned(x: Float[np.ndarray, "n 2"], most: int) -> Int[np.ndarray, " k"]:
     left = np.ones(len(x), bool)
     left[spread] = False
     others = np.flatnonzero(left)
-    nearest = KDTree(x[others]).query(x[spread])[1]
+    nearest = np.asarray(KDTree(x[others]).query(x[spread])[1])
     # Two may have the same neighbour; the others in line fill up.
     beside = others[list(dict.fromkeys(nearest.tolist()))][: most - len(spread)]
     return np.concatenate([spread, beside])
