@@ -21,6 +21,10 @@ def test_free_and_complement_make_up_the_box(circles):
     box = shapely.box(0, 0, 1, 1)
     assert covered.intersection(free).area < 1e-9
     assert box.difference(covered).difference(free).area < 1e-9
+    # Corners and sides of the box, where evaluation points lie, are not taken for free.
+    border = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0], [1, 0.3]], float)
+    inside = shapely.intersects_xy(free, border[:, 0], border[:, 1])
+    assert not (Obstacles([np.asarray(part.exterior.coords)[:-1] for part in parts]).free(border) & ~inside).any()
 
 
 @given(circles=circles, x=st.floats(0, 1), y=st.floats(0, 1))

@@ -8,7 +8,9 @@ import pytest
 import shapely
 from scipy.interpolate import RegularGridInterpolator
 
+from maipp.fields import evaluation_grid
 from maipp.missions import write_mission_files
+from maipp.roadmap import Obstacles
 from maipp.surveys.expected_mission import expected_mission
 from maipp.surveys.raster_area import raster_polygons
 from maipp.surveys.raster_field import raster_field
@@ -73,6 +75,15 @@ def test_land_is_where_the_relief_is_above_water(elevation):
     wet = shapely.contains_xy(water, points[:, 0], points[:, 1])
     assert (wet == (elevation(points[:, ::-1]) < 0))[sure].mean() > 0.99
     assert 0.3 < wet.mean() < 0.6
+
+
+def test_only_water_is_evaluated(elevation):
+    prepared = prepare(load_survey(STRAIT / "mission.yaml"), planner="shared-greedy")
+    grid = np.asarray(evaluation_grid(prepared.scenario.grid, prepared.scenario.extent), np.float64)
+    user = prepared.frame.to_user(grid[Obstacles(prepared.scenario.obstacles).free(grid)])
+    heights = elevation(user[:, ::-1])
+    # In a cell whose corners alternate, contour and bilinear surface differ by some metres; peaks are 2,000 m high.
+    assert len(user) > 150 and heights.max() < 20 and (heights < 0).mean() > 0.98
 
 
 def test_the_relief_rehearses_in_the_survey_s_unit(elevation):

@@ -4,12 +4,23 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+# How far the complement reaches beyond the box, shares of its longest side. A point on the border of an obstacle counts
+# as free: those of the evaluation grid on the border of the box must lie within.
+_BEYOND = 0.05
+
 
 def complement(free: BaseGeometry, size: tuple[float, float]) -> list[Polygon]:
-    """The box [0, width] x [0, height] without the free region, cut into polygons without holes."""
-    rest = shapely.difference(shapely.box(0.0, 0.0, *size), free)
+    """What of the box [0, width] x [0, height] and a rim around it is not free, cut into polygons without holes.
+
+    Empty where all of the box is free.
+    """
+    box, least = shapely.box(0.0, 0.0, *size), 1e-12 * size[0] * size[1]
+    if shapely.difference(box, free).area <= least:
+        return []
+    rim = _BEYOND * max(size)
+    rest = shapely.difference(shapely.box(-rim, -rim, size[0] + rim, size[1] + rim), free)
     # Splinters of no width, which rounding leaves: nothing could pass through them anyway.
-    return [part for part in without_holes(rest) if part.area > 1e-12 * size[0] * size[1]]
+    return [part for part in without_holes(rest) if part.area > least]
 
 
 def without_holes(region: BaseGeometry) -> list[Polygon]:
