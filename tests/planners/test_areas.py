@@ -42,8 +42,9 @@ def test_surveys_of_random_areas(case):
     assert not crossed
     odometer = np.array([survey.odometer for survey in surveys])
     assert (odometer <= BUDGET + 2e-6).all()
-    # A lawnmower that has swept everything stops.
-    early = (odometer < BUDGET - 1e-4).any(axis=1) & np.array(
+    # A lawnmower that has swept everything stops, and a policy that goes to and fro may fill its record.
+    spare = 0.05 if name in WANDERERS else 1e-4
+    early = (odometer < BUDGET - spare).any(axis=1) & np.array(
         [name != "lawnmower" or survey.unmeasured > 0.1 for survey in surveys]
     )
     assert not np.flatnonzero(early).tolist()
