@@ -9,7 +9,7 @@ from maipp.viz.report_frames import Frames
 from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_tables import escaped, facts, key_numbers, robot_table, swatch, warnings
 
-_PROGRAM = ("data.js", "maps.js", "curves.js", "controls.js")  # in this order
+_PROGRAM = ("data.js", "traces.js", "maps.js", "curves.js", "controls.js")  # in this order
 
 # The browser itself refuses whatever would be loaded from elsewhere; Plotly styles its own elements and saves
 # pictures through data and blob addresses.
