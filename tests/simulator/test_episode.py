@@ -72,6 +72,17 @@ def test_the_record_agrees_with_the_simulation(batch, episode):
     assert (metrics.own_trace >= metrics.trace - 1e-3).any()
 
 
+def test_by_the_end_means_what_was_measured(episode):
+    one, other = episode.agents
+    names = ("measurement_x", "measurement_y", "measurement_time")
+    early = dataclasses.replace(one, **{name: getattr(one, name)[:2] for name in names})
+    cut = dataclasses.replace(episode, agents=(early, other))
+    last = max(agent.measurement_time.max() for agent in cut.agents)
+    by_end, by_last = cut.beliefs(np.array([np.inf])), cut.beliefs(np.array([last]))
+    np.testing.assert_array_equal(by_end.variance, by_last.variance)
+    np.testing.assert_array_equal(by_end.mean, by_last.mean)
+
+
 def test_routes_are_what_was_travelled(episode):
     for agent in episode.agents:
         lengths = np.linalg.norm(np.diff(agent.route, axis=0), axis=-1)

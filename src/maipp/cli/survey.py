@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ from maipp.files import staged_folder, write_atomic
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.missions.route_plan import RoutePlan
     from maipp.simulator.episode import Episode
+    from maipp.surveys.expected_mission import Expected
     from maipp.surveys.standardise import PreparedSurvey
     from maipp.surveys.survey import Survey as MissionFile
 
@@ -27,7 +29,7 @@ class Survey:
 
     maipp survey --new mission.yaml          write a commented mission file to start from
     maipp survey mission.yaml --check        say what is wrong with it, or what will be planned
-    maipp survey mission.yaml --out DIR      plan it: mission files for the robots, overview.png, episode.json
+    maipp survey mission.yaml --out DIR      plan it: mission files for the robots, report.html, overview.png
     maipp survey mission.yaml --rehearse     simulate it on possible fields: what can the team expect?
     """
 
@@ -127,30 +129,37 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     if flags.check:
         console.print(f"{flags.mission}: a valid mission")
         return 0
-    from maipp.surveys.expected_mission import expected_mission
+    from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
     with Console(stderr=True).status("planning"), staged_folder(flags.out) as stage:
-        episode = expected_mission(prepared, seed=flags.seed)
-        plan = route_plan(prepared, episode)
-        written = _write_files(prepared, episode, plan, stage)
-    console.print(_robots_table(prepared, episode))
+        expected = expected_course(prepared, seed=flags.seed)
+        plan = route_plan(prepared, expected.episode)
+        written = _write_files(prepared, expected, plan, stage)
+    console.print(_robots_table(prepared, expected.episode))
     for name in written:
         console.print(f"wrote {flags.out / name}", markup=False)
     return 0
 
 
-def _write_files(prepared: "PreparedSurvey", episode: "Episode", plan: "RoutePlan", folder: Path) -> list[str]:
+def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RoutePlan", folder: Path) -> list[str]:
     """Everything that a planned survey leaves, in the folder; the names of the files."""
     from maipp.missions import write_mission_files
     from maipp.simulator.episode_io import write_episode
     from maipp.surveys.picture import save_picture
 
     paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)
-    write_episode(episode, folder / "episode.json")
-    save_picture(prepared, episode, folder / "overview.png")
-    # The interactive report (maipp.viz.report) goes here: folder / "report.html".
-    return [*(path.name for path in paths), "episode.json", "overview.png"]
+    write_episode(expected.episode, folder / "episode.json")
+    save_picture(prepared, expected.episode, folder / "overview.png")
+    names = [*(path.name for path in paths), "episode.json", "overview.png"]
+    if find_spec("plotly") is None:
+        print("left out report.html: it needs plotly; install it with: pip install 'maipp[geo]'", file=sys.stderr)
+        return names
+    from maipp.surveys.report import survey_report
+    from maipp.viz.report import write_report
+
+    write_report(folder / "report.html", survey_report(prepared, expected))
+    return [*names, "report.html"]
 
 
 def _describe(prepared: "PreparedSurvey", console: Console) -> None:
@@ -207,7 +216,8 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from maipp.surveys.rehearsal import rehearse
-    from maipp.surveys.rehearsal_report import summary_table, words, write_report
+    from maipp.surveys.rehearsal_report import summary_table, words
+    from maipp.surveys.rehearsal_report import write_report as write_rehearsal
 
     rehearsal = survey.rehearsal
     if flags.fields is not None:
@@ -229,7 +239,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
                 seed=flags.seed,
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
             )
-        names = write_report(result, stage)
+        names = write_rehearsal(result, stage)
     console = Console(highlight=False, soft_wrap=True)
     for warning in result.warnings:
         console.print(f"warning: {warning}", markup=False)

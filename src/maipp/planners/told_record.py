@@ -15,6 +15,7 @@ from maipp.planners.team_plan import TeamPlan
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, Planner, State, reset
 from maipp.simulator.engine import due_agent, step
+from maipp.simulator.run import refuse_to_cross
 from maipp.team import Intent
 from maipp.team.told import Told
 from maipp.typing import Array, Bool, Float, Int, Key
@@ -38,8 +39,10 @@ def run_recorded(
 ) -> Recorded:
     """Run missions (leading axis b), and keep `keep(message)` of every decision.
 
-    Mission i draws its randomness from `fold_in(key, i)`, as in `run_missions`, and takes the same course.
+    Mission i draws its randomness from `fold_in(key, i)`, as in `run_missions`, and takes the same course. Raises
+    InputError for obstacles that the planner does not avoid.
     """
+    refuse_to_cross(scenario, planner)
     arrays, static = eqx.partition(planner, eqx.is_array)
     count = missions.start.shape[0]
     keys = jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(count))

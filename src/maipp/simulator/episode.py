@@ -181,8 +181,9 @@ class Episode:
         return times[np.append(np.diff(times) > time_tolerance(self.scenario), True)[: len(times)]]
 
     def beliefs(self, times: Float[np.ndarray, " t"]) -> GridBeliefs:
-        """The team's pooled belief from what had been measured by each of these times."""
-        return self._beliefs(self._slots()[2] <= np.asarray(times)[:, None, None])
+        """The team's pooled belief from what had been measured by each of these times; inf: by the end."""
+        taken = self._slots()[2]
+        return self._beliefs(np.isfinite(taken) & (taken <= np.asarray(times)[:, None, None]))
 
     def own_beliefs(self) -> GridBeliefs:
         """Each agent's own belief at its last decision."""

@@ -64,6 +64,15 @@ def _run_sharded(
     return jax.tree.map(lambda a: a[:count], final)
 
 
+def refuse_to_cross(scenario: Scenario, planner: Planner) -> None:
+    """Raise InputError for obstacles that the planner does not avoid."""
+    if scenario.obstacles and not planner.avoids_obstacles:
+        raise InputError(
+            f"{type(planner).__name__}: this planner would cross the scenario's {len(scenario.obstacles)} obstacles; "
+            "use one that avoids them"
+        )
+
+
 def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, first: int = 0) -> State:
     """Final states of a batch of missions (leading axis b on every array).
 
@@ -71,11 +80,7 @@ def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: K
     it ran in, up to floating-point rounding of batched matrix products. `first` is the number of the batch's first
     mission where a longer batch runs in parts. Raises InputError for obstacles that the planner does not avoid.
     """
-    if scenario.obstacles and not planner.avoids_obstacles:
-        raise InputError(
-            f"{type(planner).__name__}: this planner would cross the scenario's {len(scenario.obstacles)} obstacles; "
-            "use one that moves on a roadmap"
-        )
+    refuse_to_cross(scenario, planner)
     count = batch_size(missions)
     devices = min(len(missions_devices()), count)
     chunk = min(chunk_size(planner), math.ceil(count / devices))

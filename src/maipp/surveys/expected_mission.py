@@ -1,15 +1,24 @@
 """The survey as it is expected to go: the simulated mission on the field that the samples lead to expect."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from maipp.errors import InputError
+from maipp.planners.told_record import run_recorded, tells_plans, told_in
 from maipp.simulator import Mission, Planner, draw_missions, run_missions
 from maipp.simulator.episode import Episode
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.standardise import PreparedSurvey
+from maipp.team.told import Told
+
+
+class Expected(NamedTuple):
+    """The survey as it is expected to go."""
+
+    episode: Episode
+    told: tuple[Told, ...]  # what the robots tell each other, where that says where they are going
 
 
 def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Episode:
@@ -18,15 +27,26 @@ def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Ep
     Its routes can be loaded today: they are what the planner would do if nothing surprised it. `seed` replaces the
     survey's. Raises `InputError` for a planner or option that does not fit.
     """
+    return expected_course(prepared, seed=seed).episode
+
+
+def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Expected:
+    """As `expected_mission`, with what the robots tell each other on the way."""
     planner = prepared.make_planner()
     seed = prepared.survey.seed if seed is None else seed
     field = ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y, noise=prepared.prior_noise)
     missions = draw(prepared, planner, seed=seed, instances=1, field=field)
-    states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, jax.random.key(seed)))
+    key, told = jax.random.key(seed), ()
+    if tells_plans(planner):
+        recorded = run_recorded(prepared.scenario, planner, missions, key, lambda message: message)
+        states, told = recorded.states, told_in(recorded)
+    else:
+        states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, key))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
-    return Episode.from_state(
+    episode = Episode.from_state(
         prepared.scenario, prepared.planner, options, seed, missions, states, mapping=prepared.frame.mapping
     )
+    return Expected(episode, told)
 
 
 def draw(
