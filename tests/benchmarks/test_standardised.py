@@ -19,13 +19,9 @@ TINY = Scenario(agents=2, grid=8, nodes=12, neighbours=4, measurement_interval=1
 
 
 def flags(out, **changes):
-    given: dict[str, Any] = {
-        "length_scales": (0.3, 0.6),
-        "aspects": (2.0,),
-        "budgets": (1.0, 2.0),
-        "planners": ("random",),
-    }
-    return Standardised(out=out, **(given | {"instances": 3} | changes))
+    given: dict[str, Any] = {"length_scales": (0.3, 0.6), "aspects": (2.0,), "budgets": (1.0, 2.0), "instances": 3}
+    values: dict[str, Any] = given | {"planners": ("random",)} | changes
+    return Standardised(out=out, **values)
 
 
 def test_the_files_hold_every_cell_and_are_made_once(tmp_path, capsys):

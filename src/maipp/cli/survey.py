@@ -243,7 +243,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     console = Console(highlight=False, soft_wrap=True)
     for warning in result.warnings:
         console.print(f"warning: {warning}", markup=False)
-    console.print(summary_table(result))
+    console.print(summary_table(result), width=None if console.is_terminal else 110)
     for sentence in words(result):
         console.print(sentence, markup=False)
     for name in names:
