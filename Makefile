@@ -15,7 +15,7 @@ $(shell test -x $(BIN)/python || rm -rf $(VENV))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test lint docs bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' Makefile
@@ -31,11 +31,14 @@ lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
 	$(BIN)/ruff format --check src tests
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright
 
+docs: $(VENV)/.installed-dev ## build the documentation site into out/site, warnings as errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
 bench: $(VENV)/.installed ## time the hot paths on one core, beside the baseline (make bench BENCH=--strict)
 	$(PIN) $(BIN)/python -m maipp.benchmarks.bench $(BENCH)
 
-clean: ## remove the environment, caches and build products (out/ stays, but for the demo)
-	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo
+clean: ## remove the environment, caches and build products (out/ stays, but for demo and site)
+	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo out/site
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A venv that did not come out whole (no ensurepip, an interrupt) would look finished to the next make: remove it.

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 from fuzz_check import Failure, Target
+from fuzz_surveys import SURVEY_TARGETS
 
 from maipp.fields.raster_io import load_raster
 from maipp.policy.network import PolicyNetwork
@@ -223,3 +224,5 @@ TARGETS: dict[str, Target] = {
     "weights-card": Target(".json", _card, lambda: [_weights()[1]], _JSON, slice=100),
     "weights-tensors": Target(".safetensors", _tensors, lambda: [_weights()[0]], (b"F16", b"BF16", b"I64"), slice=100),
 }
+
+TARGETS |= SURVEY_TARGETS

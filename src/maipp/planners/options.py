@@ -2,7 +2,6 @@
 
 import dataclasses
 import difflib
-import math
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -183,6 +182,6 @@ def _convert_number(kind: type, value: object) -> int | float:
     except (ValueError, OverflowError):
         raise _BadValueError from None
     # A NaN never equals itself, so nothing compiled for it would ever be found again.
-    if math.isnan(number):
+    if number != number:  # NaN; math.isnan fails for whole numbers of 400 digits
         raise _BadValueError
     return number

@@ -126,7 +126,11 @@ def _at_least_0(keys: dict[str, Entry], key: str, allowed: str) -> float | None:
 
 def _file(entry: Entry, folder: Path, allowed: str) -> Path:
     path = folder / entry.text(allowed)
-    return path if path.is_file() else entry.wrong(f"no file {path}")
+    try:
+        found = path.is_file()
+    except (OSError, ValueError):  # a name too long, or with characters that no name has
+        found = False
+    return path if found else entry.wrong(f"no file {path}")
 
 
 def _area(entry: Entry, folder: Path) -> tuple[Rings, ...] | RasterArea:

@@ -149,8 +149,11 @@ def _value_limits(report: SurveyReport, frames: Frames, truth: np.ndarray | None
         shown.append(report.prior[1])
     values = np.concatenate(shown)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    middle = report.threshold
-    return [_real(low), _real(high)] if high > low else [_real(min(low, middle) - 1), _real(max(high, middle) + 1)]
+    # Rounding of a mean that is the same everywhere must not look like a pattern.
+    prior_std = float(report.std(np.asarray(report.episode.scenario.signal_variance**0.5)))
+    if high - low > 1e-3 * prior_std:
+        return [_real(low), _real(high)]
+    return [_real(min(low, report.threshold) - prior_std), _real(max(high, report.threshold) + prior_std)]
 
 
 def _stops(name: str) -> list[str]:
