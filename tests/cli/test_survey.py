@@ -1,7 +1,10 @@
 """`maipp survey`: from a mission file to files for the robots, and one clear line for what is wrong."""
 
 import json
+import re
+from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
 from maipp.cli.main import main
@@ -50,11 +53,28 @@ def test_a_planned_survey_leaves_files_and_a_table(mission, capsys):
     printed = capsys.readouterr().out
     names = {path.name for path in out.iterdir()}
     assert {"waypoints.csv", "routes-in-metres.json", "episode.json", "overview.png"} <= names
+    assert ("report.html" in names) == (find_spec("plotly") is not None) and "kernel.png" not in names
     assert all(f"wrote {out / name}" in printed for name in names)
     one = next(line.split() for line in printed.splitlines() if line.split()[:1] == ["one"])
     assert one[1:5] == ["1500", "100%", "12.5", "5"]
     assert read_episode(out / "episode.json").units.value == "salt (g/L)"
     json.loads((out / "routes-in-metres.json").read_text(encoding="utf-8"))
+
+
+def test_old_samples_leave_a_picture_of_their_kernel(mission, capsys):
+    x, y = np.random.default_rng(2).uniform(0, 1000, (2, 40))
+    rows = "\n".join(
+        f"{a:.1f},{b:.1f},{10 + 3 * np.sin(a / 150) + np.cos(b / 100):.3f}" for a, b in zip(x, y, strict=True)
+    )
+    (mission.parent / "old.csv").write_text(f"x,y,salt\n{rows}\n", encoding="utf-8")
+    kernel = next(line for line in SQUARE.splitlines() if line.startswith("kernel:"))
+    mission.write_text(SQUARE.replace(kernel, "samples: old.csv"), encoding="utf-8")
+    out = mission.parent / "out"
+    assert main(["survey", str(mission), "--out", str(out)]) == 0
+    fitted = re.search(r"fitted to (\d+) samples", capsys.readouterr().out)
+    assert (out / "kernel.png").read_bytes().startswith(b"\x89PNG")
+    prior = read_episode(out / "episode.json").prior
+    assert fitted and prior is not None and 30 < len(prior.y) == int(fitted[1])
 
 
 def test_a_rehearsal_leaves_a_report(mission, capsys):

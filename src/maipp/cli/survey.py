@@ -152,6 +152,14 @@ def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RouteP
     write_episode(expected.episode, folder / "episode.json")
     save_picture(prepared, expected.episode, folder / "overview.png")
     names = [*(path.name for path in paths), "episode.json", "overview.png"]
+    if prepared.fit is not None:
+        from maipp.viz.kernel_fit import save_kernel_fit
+
+        metres = prepared.prior_x * prepared.frame.metres_per_unit
+        values = prepared.frame.to_user_values(prepared.prior_y)
+        unit = prepared.survey.unit or ""
+        save_kernel_fit(prepared.fit, metres, values, folder / "kernel.png", length_unit="m", unit=unit)
+        names.append("kernel.png")
     if find_spec("plotly") is None:
         print("left out report.html: it needs plotly; install it with: pip install 'maipp[geo]'", file=sys.stderr)
         return names
