@@ -71,7 +71,7 @@ def test_old_samples_leave_a_picture_of_their_kernel(mission, capsys):
     mission.write_text(SQUARE.replace(kernel, "samples: old.csv"), encoding="utf-8")
     out = mission.parent / "out"
     assert main(["survey", str(mission), "--out", str(out)]) == 0
-    fitted = re.search(r"fitted to (\d+) samples", capsys.readouterr().out)
+    fitted = re.search(r"fitted\s+to\s+(\d+)\s+samples", capsys.readouterr().out)
     assert (out / "kernel.png").read_bytes().startswith(b"\x89PNG")
     prior = read_episode(out / "episode.json").prior
     assert fitted and prior is not None and 30 < len(prior.y) == int(fitted[1])
