@@ -2,6 +2,7 @@
 
 relief.npz is the relief of the Strait of Georgia in metres, on longitudes and latitudes; area-metres.geojson and
 land-metres.geojson are the same place in metres (UTM zone 10 north): the window, and its land as no-go zones.
+soundings.csv are what an older survey may have left: the relief at random places, with an error.
 """
 
 import json
@@ -18,6 +19,7 @@ from maipp.surveys.survey import RasterArea
 
 HERE = Path(__file__).parent
 WEST, EAST, SOUTH, NORTH = -125.0, -122.95, 48.85, 50.0  # degrees
+SOUNDINGS, ERROR, SEED = 60, 10.0, 0  # how many, standard deviation (m), of their draw
 
 
 def cut_relief(path: Path) -> None:
@@ -52,6 +54,20 @@ def metric_files(relief: Path, folder: Path) -> None:
     write_atomic(folder / "land-metres.geojson", json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
 
 
+def soundings(relief: Path, path: Path) -> None:
+    """Write the elevation at random cells under water, with an error."""
+    with np.load(relief) as file:
+        elevation, longitude, latitude = file["elevation"], file["longitude"], file["latitude"]
+    rng = np.random.default_rng(SEED)
+    chosen = rng.choice(np.argwhere(elevation < 0), SOUNDINGS, replace=False)
+    lines = [
+        f"{longitude[column]:.4f},{latitude[row]:.4f},{elevation[row, column] + ERROR * rng.normal():.1f}"
+        for row, column in chosen
+    ]
+    write_atomic(path, "\n".join(["longitude,latitude,elevation", *lines]) + "\n")
+
+
 if __name__ == "__main__":
     cut_relief(HERE / "relief.npz")
     metric_files(HERE / "relief.npz", HERE)
+    soundings(HERE / "relief.npz", HERE / "soundings.csv")
