@@ -81,7 +81,7 @@ def test_every_block_is_in_a_language_that_is_tested():
 
 def _an_episode(folder: Path) -> None:
     """The record that `maipp plan --out out/plan` leaves, of a smaller survey."""
-    scenario = maipp.Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
+    scenario = maipp.Scenario(agents=3, budget=0.6, grid=8, nodes=12, neighbours=4)
     planner = maipp.make_planner("random", scenario)
     missions = maipp.draw_missions(scenario, seed=0, instances=1)
     states = maipp.run_missions(scenario, planner, missions, jax.random.key(0))

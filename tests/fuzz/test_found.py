@@ -47,7 +47,7 @@ FOUND = {
     "NUL in a cell": ("raster-csv", b"x,y,z\n0,0,1\n0,\x00,2\n", r"'\x00' is not a number"),
     "cell of a million digits": ("raster-csv", b"x,y,z\n0,0," + b"9x" * 500_000 + b"\n", "9x9x ... 9x"),
     "empty number with a tag": ("training-config", b'entropy: !!float ""\n', "cannot be read"),
-    "whole number of 400 digits": ("training-config", b"updates: " + b"9" * 400 + b"\n", "too large to compute with"),
+    "whole number of 400 digits": ("training-config", b"updates: " + b"9" * 400 + b"\n", "give a whole number"),
     "entropy that is no number": ("training-config", b"entropy: .inf\n", "entropy: inf; give finite numbers"),
     "budget without end": ("training-config", b"budget: [1.0, .inf]\n", "give finite numbers"),
     "NaN in a card": ("weights-card", json.dumps(CARD | {"trace": float("nan")}).encode(), "not JSON"),

@@ -50,6 +50,14 @@ class Visit:
         assert [url for url in self.requests if not url.startswith(("file:", "data:", "blob:"))] == []
         assert sum(url.startswith("file:") for url in self.requests) == 1
 
+    def until(self, condition):
+        """Wait for a condition, asked from outside: the page forbids what Playwright would wait with inside it."""
+        for _ in range(PATIENCE // 50):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError(f"still not so: {condition}")
+
     def move_to(self, frame):
         self.page.evaluate(
             "k => { const s = document.getElementById('moment'); s.value = k; s.dispatchEvent(new Event('input')); }",
@@ -184,9 +192,7 @@ def test_intents_and_announced_places_come_and_go(visit):
     visit.move_to(0)
     assert dotted() == [3, 33]  # the robot and two places; an ellipse
     visit.page.click('[data-layer="told"]')
-    visit.page.wait_for_function(
-        "document.getElementById('map-area').data.every(t => !t.line || t.line.dash !== 'dot' || !t.x.length)"
-    )
+    visit.until("document.getElementById('map-area').data.every(t => !t.line || t.line.dash !== 'dot' || !t.x.length)")
     visit.page.click('[data-layer="told"]')
     visit.move_to(int(visit.page.get_attribute("#moment", "max")))
     assert dotted() == []
@@ -195,16 +201,14 @@ def test_intents_and_announced_places_come_and_go(visit):
 
 def test_a_robot_can_be_hidden(visit):
     visit.page.click('[data-robot="1"]')
-    visit.page.wait_for_function(
-        "document.getElementById('map-mean').data.filter(t => t.mode === 'markers+text')[0].x.length === 1"
-    )
+    visit.until("document.getElementById('map-mean').data.filter(t => t.mode === 'markers+text')[0].x.length === 1")
     assert [len(line["x"]) > 0 for line in visit.lines("map-mean")] == [True, False]
     visit.page.click('[data-robot="1"]')
 
 
 def test_zooming_one_map_zooms_all(visit):
     visit.page.evaluate("Plotly.relayout('map-mean', {'xaxis.range': [10.2, 10.6], 'yaxis.range': [60.1, 60.2]})")
-    visit.page.wait_for_function("document.getElementById('map-std').layout.xaxis.range[1] < 11")
+    visit.until("document.getElementById('map-std').layout.xaxis.range[1] < 11")
     middle = visit.page.evaluate("document.getElementById('map-truth')._fullLayout.xaxis.range.reduce((a, b) => a + b)")
     assert middle == pytest.approx(20.8, abs=0.01)
     visit.clean()
@@ -214,9 +218,9 @@ def test_play_goes_on_by_itself_and_stops_at_the_end(visit):
     last = int(visit.page.get_attribute("#moment", "max"))
     visit.move_to(last)
     visit.page.click("#play")  # at the end: from the start again
-    visit.page.wait_for_function("Number(document.getElementById('moment').value) < 10")
+    visit.until("Number(document.getElementById('moment').value) < 10")
     assert visit.page.get_attribute("#play", "aria-label") == "Pause"
-    visit.page.wait_for_function("Number(document.body.dataset.frame) >= 3")
+    visit.until("Number(document.body.dataset.frame) >= 3")
     visit.page.click("#play")
     assert visit.page.get_attribute("#play", "aria-label") == "Play"
     visit.move_to(last - 2)

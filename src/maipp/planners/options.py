@@ -172,6 +172,10 @@ def _convert_bool(value: object) -> bool:
     return word in _TRUE
 
 
+# More than 64 bits count nothing, and overflow where floats are computed from them.
+_LARGEST = 2**63 - 1
+
+
 def _convert_number(kind: type, value: object) -> int | float:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise _BadValueError
@@ -182,6 +186,6 @@ def _convert_number(kind: type, value: object) -> int | float:
     except (ValueError, OverflowError):
         raise _BadValueError from None
     # A NaN never equals itself, so nothing compiled for it would ever be found again.
-    if number != number:  # NaN; math.isnan fails for whole numbers of 400 digits
+    if number != number or (isinstance(number, int) and abs(number) > _LARGEST):
         raise _BadValueError
     return number
