@@ -118,6 +118,7 @@ def test_zones_come_in_every_form(area, count):
         (("", "metres: yes\n"), "m.yaml:5: metres: 'yes': give true or false"),
         (("", "seed: 1\nseed: 2\n"), "m.yaml:6: seed: given twice, first on line 5"),
         (("", "name: [1\n"), "m.yaml:6: not valid YAML"),
+        (("", 'noise: !!float ""\n'), "m.yaml: holds a value that cannot be read"),
         (("", "name: &a [*a]\n"), "m.yaml:5: not valid YAML"),
         (("robots:\n  - {start: [4.05, 52.01], speed: 1.5, budget_m: 2000}", "robots: []"), "robots: [] is not a list"),
     ],

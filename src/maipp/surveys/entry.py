@@ -112,12 +112,8 @@ def read_yaml(text: str, source: str) -> Entry:
         _note_lines(root, "", source, lines, set(), 0)
         try:
             value = loader.construct_object(root, deep=True)
-        except (
-            ValueError,
-            KeyError,
-            TypeError,
-            OverflowError,
-        ):  # `!!int three`, a number of 5000 digits, a list as key
+        # `!!int three`, `!!float ""`, a number of 5000 digits, a list as key
+        except (ValueError, LookupError, TypeError, OverflowError):
             raise InputError(
                 f"{source}: holds a value that cannot be read; give plain numbers, words and lists"
             ) from None

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from maipp.files import atomic_path
 from maipp.simulator.episode import Episode
 from maipp.surveys.standardise import PreparedSurvey
-from maipp.viz.maps import colour_bar, draw_field, draw_routes, legend_of, map_size, prepare_map
-from maipp.viz.style import GREY, LARGE, MEDIUM, SMALL, STD_MAP, VALUE_MAP, add_axes, new_figure
+from maipp.viz.maps import colour_bar, draw_field, draw_routes, legend_below, legend_of, map_size, prepare_map
+from maipp.viz.style import GREY, LARGE, MEDIUM, STD_MAP, VALUE_MAP, add_axes, new_figure
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.75, 0.75, 0.85, 0.95  # margins, inches
 _GAP, _BAR_GAP, _BAR, _AFTER_BAR = 0.25, 0.1, 0.14, 1.0
@@ -57,17 +57,7 @@ def draw_plan(prepared: PreparedSurvey, episode: Episode, dpi: int = 160) -> Fig
     entries = legend_of(shown)
     for entry, name in zip(entries, prepared.names, strict=False):
         entry.set_label(name)
-    figure.legend(
-        handles=entries,
-        loc="lower left",
-        bbox_to_anchor=(left, 0.1 * inch),
-        ncols=min(len(entries), 8),
-        fontsize=SMALL,
-        frameon=False,
-        borderaxespad=0.0,
-        columnspacing=1.4,
-        handlelength=1.6,
-    )
+    legend_below(figure, entries, left, inch)
     return figure
 
 

@@ -14,6 +14,7 @@ from jax import lax
 from maipp.belief import Matern32, rmse
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, State, run_missions
+from maipp.simulator.found import area_found
 from maipp.simulator.metrics import interest_of, pooled_belief
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
@@ -153,11 +154,12 @@ def outcomes(scenario: Scenario, missions: Mission, states: State) -> Outcome:
 
 def _outcome(scenario: Scenario, mission: Mission, state: State) -> Outcome:
     interest = interest_of(scenario)
-    high = (mission.truth >= scenario.threshold) & mission.inside
+    high = mission.truth >= scenario.threshold
 
     def measures(time: float) -> tuple[Array, Array, Array]:
         belief = pooled_belief(scenario, mission, state, time)
-        found = jnp.sum(high & (belief.mean >= scenario.threshold)) / jnp.sum(high)  # NaN where there is none
+        area = area_found(high, belief.mean >= scenario.threshold, mission.inside)
+        found = area.both / area.true  # NaN where there is none
         trace = interest.trace(belief.mean, belief.variance, mission.inside)
         return trace, rmse(belief.mean, mission.truth, mission.inside), found
 

@@ -178,3 +178,18 @@ def colour_bar(figure: Figure, axes: Axes, image: AxesImage, label: str, mark: f
         bar.ax.axhline(mark, color="white", lw=2.4)
         bar.ax.axhline(mark, color="black", lw=1.2)
     return bar
+
+
+def legend_below(figure: Figure, entries: list[Any], left: float, inch: float) -> None:
+    """Add the legend at the lower left corner; `left` and `inch` (of height) are shares of the figure."""
+    figure.legend(
+        handles=entries,
+        loc="lower left",
+        bbox_to_anchor=(left, 0.1 * inch),
+        ncols=min(len(entries), 8),
+        fontsize=SMALL,
+        frameon=False,
+        borderaxespad=0.0,
+        columnspacing=1.4,
+        handlelength=1.6,
+    )

@@ -16,6 +16,7 @@ from maipp.viz.maps import (
     draw_field,
     draw_routes,
     inside_only,
+    legend_below,
     legend_of,
     map_size,
     prepare_map,
@@ -96,17 +97,7 @@ def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     figure.text(left, 1 - 0.18 * inch, headline(episode), fontsize=LARGE, weight="bold", va="top")
     figure.text(left, 1 - 0.42 * inch, numbers_line(episode), fontsize=MEDIUM, color=GREY, va="top")
     entries = legend_of(episode)
-    figure.legend(
-        handles=entries,
-        loc="lower left",
-        bbox_to_anchor=(left, 0.1 * inch),
-        ncols=min(len(entries), 8),
-        fontsize=SMALL,
-        frameon=False,
-        borderaxespad=0.0,
-        columnspacing=1.4,
-        handlelength=1.6,
-    )
+    legend_below(figure, entries, left, inch)
     return figure
 
 
