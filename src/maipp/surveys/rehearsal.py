@@ -159,7 +159,7 @@ def _outcome(scenario: Scenario, mission: Mission, state: State) -> Outcome:
     def measures(time: float) -> tuple[Array, Array, Array]:
         belief = pooled_belief(scenario, mission, state, time)
         area = area_found(high, belief.mean >= scenario.threshold, mission.inside)
-        found = area.both / area.true  # NaN where there is none
+        found = jnp.asarray(area.both / area.true)  # NaN where there is none
         trace = interest.trace(belief.mean, belief.variance, mission.inside)
         return trace, rmse(belief.mean, mission.truth, mission.inside), found
 
