@@ -85,7 +85,7 @@ class Learner:
             config = self.config
             options = {"paths": config.paths, "steps": config.steps, "share": config.share, "choose": "sample"}
             if phase == "search":
-                options |= {"paths": config.search_paths, "share": "best"}
+                options |= {"paths": config.search_paths, "share": "best", "rank": "expected"}
             return IntentPlanner(self.scenario, network=network, **options)
         return SgaCatnipp(self.scenario, network=network, choose="sample")
 
