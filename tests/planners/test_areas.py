@@ -28,8 +28,6 @@ CASES = {
     "ti-star": ("ti-star", {"paths": 4}),
     "intent-search": ("intent-search", LEGS | {"paths": 6, "nodes": 4}),
 }
-# What these may leave unmeasured, and how often they may stay around one place, says nothing of zones: they wander.
-WANDERERS = ("random", "sga-catnipp", "di", "ti")
 
 
 @pytest.mark.slow
@@ -42,13 +40,12 @@ def test_surveys_of_random_areas(case):
     assert not crossed
     odometer = np.array([survey.odometer for survey in surveys])
     assert (odometer <= BUDGET + 2e-6).all()
-    # A lawnmower that has swept everything stops, and a policy that goes to and fro may fill its record.
-    spare = 0.05 if name in WANDERERS else 1e-4
-    early = (odometer < BUDGET - spare).any(axis=1) & np.array(
+    # A lawnmower that has swept everything stops.
+    early = (odometer < BUDGET - 1e-4).any(axis=1) & np.array(
         [name != "lawnmower" or survey.unmeasured > 0.1 for survey in surveys]
     )
     assert not np.flatnonzero(early).tolist()
-    if name not in WANDERERS:
-        # Now and then one comes back to a place: fewer than one survey in ten.
-        assert sum(survey.stuck > 0 for survey in surveys) <= max(1, AREAS // 10)
+    # On its way out of a dead end that bends, one may seem to stay: in fewer than one area of a hundred.
+    assert sum(survey.stuck > 0 for survey in surveys) <= AREAS // 100
+    if name != "random":
         assert np.mean([survey.unmeasured for survey in surveys]) < 0.06

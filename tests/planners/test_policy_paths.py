@@ -13,6 +13,7 @@ from sklearn.gaussian_process.kernels import Matern
 from maipp.belief import Matern32, condition
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.policy_paths import Situation, path_measurements, sample_paths
+from maipp.planners.roadmap_step import edges
 from maipp.roadmap import laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.simulator import Decision, Planner, draw_missions, reset
@@ -47,7 +48,7 @@ def draw(scenario, seed, remaining=None):
     situation = Situation(
         roadmap=roadmap,
         nodes=belief.on(roadmap.nodes),
-        node=jnp.int32(node),
+        here=edges(roadmap, jnp.int32(node), jnp.float32(left), scenario.last_leg),
         position=roadmap.nodes[node],
         intent=jnp.zeros(scenario.nodes),
         **{name: jnp.float32(value) for name, value in scalar.items()},
@@ -89,7 +90,7 @@ def test_paths_follow_allowed_edges_until_the_budget_ends(tiny, last_leg):
         distinct += len(np.unique(paths.nodes, axis=0)) > 3
         for choice, nodes, taken, length, turns in zip(*paths, strict=True):
             assert (turns[taken] >= 0).all() and (turns[~taken] == -1).all()
-            here, left, travelled = int(situation.node), float(situation.remaining), 0.0
+            here, left, travelled = int(situation.here.node), float(situation.remaining), 0.0
             for step, (node, go) in enumerate(zip(nodes, taken, strict=True)):
                 edge = roadmap.distances[here]
                 within = edge <= left + 2e-5 if last_leg == "stop" else np.full(len(edge), left > 0)
@@ -107,7 +108,7 @@ def test_paths_follow_allowed_edges_until_the_budget_ends(tiny, last_leg):
             assert length == pytest.approx(travelled, abs=1e-5)
             if last_leg == "stop":
                 assert length <= float(situation.remaining) + 2e-5
-            places = roadmap.nodes[[int(situation.node), *nodes[taken]]]
+            places = roadmap.nodes[[int(situation.here.node), *nodes[taken]]]
             assert not (taken.any() and LineString(places).intersects(wall))
     assert stopped > 20 and went > 100 and distinct > 5
 
@@ -145,7 +146,7 @@ def test_a_virtual_step_sees_what_the_measurements_so_far_would_leave(curious, f
                 if not went[step]:
                     continue
                 here = int(path[step - 1])
-                places = roadmap.nodes[[int(situation.node), *path[:step]]]
+                places = roadmap.nodes[[int(situation.here.node), *path[:step]]]
                 passed = measured_on_the_way(places, situation, SCENARIO.measurement_interval)
                 std = std_after(np.concatenate([x, passed]), roadmap.nodes, SCENARIO)
                 assert LineString(places).length < left
@@ -189,7 +190,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
         state = go(first, reset(scenario, first, mission))
         observation = eqx.filter_jit(observe)(scenario, mission, state, agent, heard)
         situation = planner.situation(observation, observation.belief, jnp.zeros(scenario.nodes))
-        assert int(situation.node) == int(roadmap.neighbours[0, edge])
+        assert int(situation.here.node) == int(roadmap.neighbours[0, edge])
         paths, points, taken = sample(planner, situation, jax.random.key(edge))
         for nodes, length, spots, lives in zip(paths.nodes, paths.length, points, taken, strict=True):
             after = go(Scripted(scenario, roadmap.nodes[nodes]), state)
@@ -205,8 +206,8 @@ def test_one_step_is_the_first_choice_alone(tiny):
     situation, _ = draw(SCENARIO, 1, remaining=1.0)
     paths = sample(planner, situation, KEY, steps=1)[0]
     assert bool(paths.taken.all()) and len(np.unique(paths.choices)) > 2
-    np.testing.assert_array_equal(paths.nodes[:, 0], situation.roadmap.neighbours[situation.node, paths.choices])
-    np.testing.assert_allclose(paths.length, situation.roadmap.distances[situation.node, paths.choices])
+    np.testing.assert_array_equal(paths.nodes[:, 0], situation.roadmap.neighbours[situation.here.node, paths.choices])
+    np.testing.assert_allclose(paths.length, situation.roadmap.distances[situation.here.node, paths.choices])
 
 
 def test_a_temperature_of_almost_zero_makes_all_paths_the_likeliest_one(tiny):

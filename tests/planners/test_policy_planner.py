@@ -62,7 +62,7 @@ def test_the_network_is_shown_the_belief_the_budget_and_the_edges(planner, obser
     np.testing.assert_allclose(shown_std**2, variance, atol=1e-5)
     np.testing.assert_array_equal(shown_intent, intent)
     np.testing.assert_array_equal(view.encoding, roadmap.encoding)
-    assert int(view.node) == int(situation.node) == 0  # the start is node 0
+    assert int(view.node) == int(situation.here.node) == 0  # the start is node 0
     np.testing.assert_array_equal(view.neighbours, roadmap.neighbours[0])
     np.testing.assert_allclose(view.neighbour_std, shown_std[np.asarray(view.neighbours)])
     np.testing.assert_array_equal(view.allowed, roadmap.distances[0] <= 0.3)

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import shapely
 
-from maipp.benchmarks.random_areas import AGENTS, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
+from maipp.benchmarks.random_areas import AGENTS, BUDGET, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import clipped_sweep
-from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps, zones_of
+from maipp.roadmap import FreeSpace, Obstacles, Roadmap, laplacian_encoding, sample_roadmaps, zones_of
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, draw_missions, run_missions
 from maipp.typing import Float
@@ -36,7 +36,7 @@ class Surveyed(NamedTuple):
     routes: list[np.ndarray]  # vertices (k, 2) of each agent's route
     crossed: int  # legs that enter a zone
     unmeasured: float  # part of the reachable grid points that are far from every measurement
-    stuck: int  # times that an agent stayed around one place while such points remained
+    stuck: int  # times that an agent stayed around one place while it could have reached such points
 
 
 class Surveyor:
@@ -69,13 +69,14 @@ class Surveyor:
         states = jax.tree.map(np.asarray, run_missions(self.common, planner, mission, jax.random.key(seed)))
         routes = [states.route[0, i, : states.route_length[0, i]].astype(float) for i in range(AGENTS)]
         points = grid[shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])]
+        free = FreeSpace(obstacles, scenario.extent)
         places, times = states.measurement_x[0], states.measurement_time[0]
         return Surveyed(
             odometer=states.odometer[0],
             routes=routes,
             crossed=sum(_crossed(obstacles, route) for route in routes),
             unmeasured=_far(points, places[np.isfinite(times)]),
-            stuck=sum(_stays(points, places, times, agent) for agent in range(AGENTS)),
+            stuck=sum(_stays(free, points, places, times, agent) for agent in range(AGENTS)),
         )
 
     def _roadmap(self, area: Area, starts: Float[np.ndarray, "m 2"], seed: int) -> Roadmap:
@@ -106,17 +107,31 @@ def _crossed(obstacles: Obstacles, route: Float[np.ndarray, "k 2"]) -> int:
 
 
 def _stays(
-    points: Float[np.ndarray, "q 2"], places: Float[np.ndarray, "m s 2"], times: Float[np.ndarray, "m s"], agent: int
+    free: FreeSpace,
+    points: Float[np.ndarray, "q 2"],
+    places: Float[np.ndarray, "m s 2"],
+    times: Float[np.ndarray, "m s"],
+    agent: int,
 ) -> int:
-    """Times that an agent went on measuring around one place while a part of the points was unmeasured."""
+    """Times that an agent went on measuring around one place though its budget reached a part that was unmeasured."""
     count = 0
     for first in range(places.shape[1] - _WINDOW + 1):
-        window, end = places[agent, first : first + _WINDOW], times[agent, first + _WINDOW - 1]
-        confined = np.linalg.norm(window - window.mean(axis=0), axis=1).max() < _PLACE
-        count += bool(np.isfinite(end) and confined and _far(points, places[times <= end]) > _WORTH_GOING)
+        last = first + _WINDOW - 1
+        window, now = places[agent, first : last + 1], times[agent, last]
+        if np.isfinite(now) and np.linalg.norm(window - window.mean(axis=0), axis=1).max() < _PLACE:
+            remaining = BUDGET - (last + 1) * COMMON["measurement_interval"]
+            here = free.moved_out(window[-1:].astype(float))[0][0]
+            reached = free.lengths_to(free.moved_out(points)[0], here) <= remaining
+            unmeasured = _distance(points, places[times <= now]) > _UNMEASURED
+            count += bool((unmeasured & reached).mean() > _WORTH_GOING)
     return count
 
 
 def _far(points: Float[np.ndarray, "q 2"], measured: Float[np.ndarray, "n 2"]) -> float:
     """Part of the points that are far from every measurement."""
-    return float((np.linalg.norm(points[:, None] - measured, axis=-1).min(axis=1) > _UNMEASURED).mean())
+    return float((_distance(points, measured) > _UNMEASURED).mean())
+
+
+def _distance(points: Float[np.ndarray, "q 2"], measured: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " q"]:
+    """From each point to the nearest measurement, domain units."""
+    return np.linalg.norm(points[:, None] - measured, axis=-1).min(axis=1)

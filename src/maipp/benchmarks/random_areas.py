@@ -14,6 +14,7 @@ AGENTS, BUDGET = 2, 2.0
 COMMON: Any = {
     "agents": AGENTS,
     "budget": BUDGET,
+    "measurement_interval": 0.2,
     "grid": 10,
     "nodes": 60,
     "neighbours": 8,

@@ -102,7 +102,7 @@ class IntentPlanner(PolicyPlanner):
         best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(scores)
         index = self._choose(choice_key, insight, paths, best)
         stop = ~insight.view.allowed.any()
-        target = nodes[jnp.where(stop, situation.node, insight.view.neighbours[index])]
+        target = nodes[jnp.where(stop, situation.here.node, insight.view.neighbours[index])]
         rest = jnp.append(paths.turns[best, 1:], -1)
         # Who did not set out along the best path has nothing left of it.
         remembered = Recollection(insight.memory, intents, jnp.where(paths.choices[best] == index, rest, -1))

@@ -14,7 +14,7 @@ from maipp.belief import Belief
 from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_variance
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import edges
+from maipp.planners.roadmap_step import Edges, edges
 from maipp.policy import Memory, PolicyNetwork, Prepared
 from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
@@ -36,7 +36,7 @@ class Situation(NamedTuple):
 
     roadmap: Roadmap
     nodes: Belief  # predicted at the roadmap's nodes
-    node: Index  # where the agent is
+    here: Edges  # the node where the agent is, and the edges it may leave it by
     position: Float[Array, "2"]
     remaining: Float[Array, ""]  # budget left, domain units
     to_next: Float[Array, ""]  # distance to its next measurement, domain units
@@ -74,8 +74,9 @@ def virtual_views(
     std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
 
     def look(node: Index, length: Array, std: Vector) -> PolicyView:
-        where = (node, positions[node], start.remaining - length)
-        return policy_view(scenario, start.roadmap, start.nodes, *where, start.intent, std, start.meeting)
+        remaining = start.remaining - length
+        here = edges(start.roadmap, node, remaining, scenario.last_leg, start.meeting)
+        return policy_view(scenario, start.roadmap, start.nodes, here, positions[node], remaining, start.intent, std)
 
     return jax.vmap(look)(node, length, std)
 
@@ -118,13 +119,13 @@ def sample_paths(
     roadmap, start = situation.roadmap, situation
     count = choices.shape[0]
     neighbours, distances = jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances)
-    first = edges(roadmap, start.node, start.remaining, scenario.last_leg, start.meeting)
+    first = start.here
     go = first.allowed[choices]
-    node = jnp.where(go, neighbours[start.node, choices], start.node)
+    node = jnp.where(go, first.target_nodes[choices], first.node)
     state = _Step(
         node=node,
         nodes=jnp.broadcast_to(node[:, None], (count, steps)),
-        length=jnp.where(go, distances[start.node, choices], 0.0),
+        length=jnp.where(go, first.lengths[choices], 0.0),
         memory=jax.tree.map(lambda a: jnp.broadcast_to(a, (count, *a.shape)), memory),
     )
 

@@ -8,11 +8,12 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief
 from maipp.errors import InputError
+from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted
 from maipp.planners.policy_paths import Paths, Situation, follow, path_measurements, sample_paths
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import rendezvous
-from maipp.planners.roadmap_step import current_node, roadmap_of
+from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Array, Float, Index, Int, Key, Vector
@@ -99,23 +100,22 @@ class PolicyPlanner(Planner):
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
         """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
         roadmap = roadmap_of(observation)
+        meeting = rendezvous(self.scenario) if self.meet else None
         return Situation(
             roadmap=roadmap,
             nodes=belief.on(jnp.asarray(roadmap.nodes)),
-            node=current_node(roadmap, observation.position),
+            here=edges_here(self.scenario, observation, meeting),
             position=observation.position,
             remaining=observation.remaining,
             to_next=observation.to_next_measurement,
             intent=intent,
-            meeting=rendezvous(self.scenario) if self.meet else None,
+            meeting=meeting,
         )
 
     def look(self, situation: Situation, memory: Memory) -> Insight:
         """Show the situation to the network."""
-        where = (situation.node, situation.position, situation.remaining)
-        view = policy_view(
-            self.scenario, situation.roadmap, situation.nodes, *where, situation.intent, meeting=situation.meeting
-        )
+        where = (situation.here, situation.position, situation.remaining)
+        view = policy_view(self.scenario, situation.roadmap, situation.nodes, *where, situation.intent)
         prepared = self.policy.prepare(self.policy.encode(view.features, view.encoding))
         return Insight(view, prepared, *self.policy.decode(prepared, *view[2:], memory))
 

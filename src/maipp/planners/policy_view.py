@@ -5,8 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import edges
+from maipp.planners.roadmap_step import Edges
 from maipp.policy import node_features
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
@@ -30,28 +29,25 @@ def policy_view(
     scenario: Scenario,
     roadmap: Roadmap,
     nodes: Belief,
-    node: Index,
+    here: Edges,
     position: Point,
     remaining: Float[Array, ""],
     intent: Vector,
     std: Vector | None = None,
-    meeting: Rendezvous | None = None,
 ) -> PolicyView:
-    """The view of an agent at `node` of its roadmap, which is at `position`, with `remaining` budget (domain units).
+    """The view of an agent that may leave its node by `here`, is at `position`, has `remaining` budget (domain units).
 
     `nodes` is its belief, predicted at the roadmap's nodes; `std` takes the place of the belief's own there, as on a
-    virtual step. `intent` is the others' fused intent at the nodes. Whoever has a `meeting` is shown only neighbours
-    that let it be there in time. Raises ValueError where the roadmap carries no
+    virtual step. `intent` is the others' fused intent at the nodes. Raises ValueError where the roadmap carries no
     encoding.
     """
     if roadmap.encoding is None:
         raise ValueError("the policy reads spectral encodings: draw the missions with encodings=32")
     std = nodes.std if std is None else std
-    here = edges(roadmap, node, remaining, scenario.last_leg, meeting)
     return PolicyView(
         features=node_features(jnp.asarray(roadmap.nodes), position, nodes.mean, std, intent, scenario.extent),
         encoding=jnp.asarray(roadmap.encoding),
-        node=node,
+        node=here.node,
         neighbours=here.target_nodes,
         allowed=here.allowed,
         neighbour_std=std[here.target_nodes],

@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from maipp.planners.roadmap_step import edges_here
+from maipp.planners.edges_here import edges_here
 from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Key
 

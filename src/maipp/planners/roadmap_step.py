@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from maipp.planners.rendezvous import Rendezvous, in_time
 from maipp.roadmap import Roadmap
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Index, Int
 
@@ -56,10 +56,3 @@ def edges(
     if meeting is not None:
         allowed = in_time(meeting, jnp.asarray(roadmap.nodes)[node], targets, allowed, remaining)
     return Edges(node, targets, target_nodes, lengths, allowed)
-
-
-def edges_here(scenario: Scenario, observation: Observation) -> Edges:
-    """The edges the due agent may take. Raises ValueError where the mission was drawn without roadmaps."""
-    roadmap = roadmap_of(observation)
-    node = current_node(roadmap, observation.position)
-    return edges(roadmap, node, observation.remaining, scenario.last_leg)

@@ -45,7 +45,7 @@ def find_elites(
     paths = jax.tree.map(lambda a: a[order], paths)
     # The nodes and the way that each step knew of: those it had come by so far, the last one again and again.
     count, steps = paths.nodes.shape
-    start = jnp.broadcast_to(situation.node, (count, 1))
+    start = jnp.broadcast_to(situation.here.node, (count, 1))
     stood = jnp.concatenate([start, paths.nodes[:, :-1]], axis=1)
     neighbours, distances = jnp.asarray(situation.roadmap.neighbours), jnp.asarray(situation.roadmap.distances)
     index = jnp.argmax(neighbours[stood] == paths.nodes[:, :, None], axis=-1).astype(jnp.int32)

@@ -1,0 +1,56 @@
+"""The edges that the due agent may take, and the way out of dead ends among no-go zones."""
+
+import jax.numpy as jnp
+
+from maipp.planners.rendezvous import Rendezvous
+from maipp.planners.roadmap_step import Edges, current_node, edges, roadmap_of
+from maipp.planners.roadmap_ways import lengths_from, lengths_to
+from maipp.scenario import Scenario
+from maipp.simulator.decision import Observation
+from maipp.typing import Array, Bool
+
+# All in measurement intervals. Nodes nearer than the first are passed over where there are others.
+_APART = 0.1
+# An agent stays around a place if so many of so many last measurements lie within this distance of the very last.
+_MANY, _LAST, _AROUND = 3, 8, 0.95
+# A node farther than this from all measurements is unmeasured.
+_UNMEASURED = 1.25
+
+
+def edges_here(scenario: Scenario, observation: Observation, meeting: Rendezvous | None = None) -> Edges:
+    """The edges the due agent may take; see `edges`.
+
+    Among no-go zones, an agent that stays around a place has but one: the first of the shortest way to the
+    nearest unmeasured node that its budget reaches, if there is any. All neighbours of a node in a bay may be in
+    that bay, and whatever chooses among them would never leave it. Raises ValueError where the mission was drawn
+    without roadmaps.
+    """
+    roadmap = roadmap_of(observation)
+    node = current_node(roadmap, observation.position)
+    here = edges(roadmap, node, observation.remaining, scenario.last_leg, meeting)
+    return here._replace(allowed=_leading_on(scenario, observation, here)) if scenario.obstacles else here
+
+
+def _leading_on(scenario: Scenario, observation: Observation, here: Edges) -> Bool[Array, " k"]:
+    """Of the allowed edges, those that lead on."""
+    roadmap, interval = roadmap_of(observation), scenario.measurement_interval
+    # To and fro between two nodes that all but coincide would fill the agent's record before it gets anywhere.
+    apart = here.allowed & (here.lengths > _APART * interval)
+    allowed = jnp.where(apart.any(), apart, here.allowed)
+
+    x, known = observation.measurement_x, observation.known
+    slots = jnp.arange(known.shape[0])
+    mine = known & (slots // scenario.measurements_per_agent == observation.agent)
+    last = jnp.max(jnp.where(mine, slots, 0))
+    near = jnp.sum((x - x[last]) ** 2, axis=-1) < (_AROUND * interval) ** 2
+    stays = jnp.sum(mine & near & (slots > last - _LAST)) >= _MANY
+
+    nodes = jnp.asarray(roadmap.nodes)
+    squares = jnp.sum((nodes[:, None] - x) ** 2, axis=-1)
+    unmeasured = jnp.all((squares > (_UNMEASURED * interval) ** 2) | ~known, axis=1)
+    length = lengths_from(roadmap, here.node)
+    goal_length = jnp.where(unmeasured & (length <= observation.remaining), length, jnp.inf)
+    onward = here.lengths + lengths_to(roadmap, jnp.argmin(goal_length))[here.target_nodes]
+    onward = jnp.where(allowed, onward, jnp.inf)
+    lead = stays & jnp.isfinite(jnp.min(goal_length)) & jnp.isfinite(onward).any()
+    return jnp.where(lead, jnp.arange(allowed.shape[0]) == jnp.argmin(onward), allowed)
