@@ -23,8 +23,11 @@ help: ## list the targets
 demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
 	$(BIN)/python -m maipp.cli.demo --out out/demo
 
+# A file's tests share what they compile, so one worker runs a whole file.
+WORKERS ?= 2
+
 test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
-	$(BIN)/python -m pytest -q $(TESTS)
+	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile)
 
 lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
 	$(BIN)/ruff check src tests
