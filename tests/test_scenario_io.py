@@ -254,16 +254,16 @@ def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch, broken):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, broken, full)
-    with pytest.raises(InputError, match=r"survey\.yaml: cannot write the scenario: No space left on device$"):
+    with pytest.raises(InputError, match=r"survey\.yaml: cannot be written: No space left on device$"):
         save_scenario(Scenario(agents=3), file)
     assert load_scenario(file).agents == 2
     assert os.listdir(tmp_path) == ["survey.yaml"]
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(InputError, match="cannot write the scenario: No such file or directory"):
+    with pytest.raises(InputError, match="cannot be written: No such file or directory"):
         save_scenario(Scenario(), tmp_path / "none" / "survey.yaml")
-    with pytest.raises(InputError, match="cannot write the scenario: Is a directory"):
+    with pytest.raises(InputError, match="cannot be written: Is a directory"):
         save_scenario(Scenario(), tmp_path)
     assert os.listdir(tmp_path) == []
 

@@ -7,7 +7,7 @@ import yaml
 
 from maipp.errors import InputError
 from maipp.scenario_checks import nearest, show
-from maipp.scenario_io import _Loader  # the house's one way of reading YAML
+from maipp.yaml_text import read_mapping
 
 _DEEPEST = 40  # levels of lists; a GeoJSON MultiPolygon in a FeatureCollection has nine
 
@@ -102,31 +102,15 @@ def is_point(value: object) -> bool:
 def read_yaml(text: str, source: str) -> Entry:
     """The mapping that the text holds. Raises `InputError` for what is not YAML and for keys given twice."""
     lines: dict[str, int] = {}
-    try:
-        loader = _Loader(text)
-        root = loader.get_single_node()
-        if root is None or (isinstance(root, yaml.ScalarNode) and not root.value):
-            raise InputError(f"{source}: empty file; `maipp survey --new` prints one to start from")
-        if not isinstance(root, yaml.MappingNode):
-            raise InputError(f"{source}:{root.start_mark.line + 1}: not a mapping; give lines of `key: value`")
+    empty, deep = "`maipp survey --new` prints one to start from", "give plain lists and mappings"
+    with read_mapping(text, source, empty=empty, line="key: value", deep=deep) as (loader, root):
         _note_lines(root, "", source, lines, set(), 0)
         try:
-            value = loader.construct_object(root, deep=True)
+            return Entry(source, "", loader.construct_object(root, deep=True), lines)
         # `!!int three`, `!!float ""`, a number of 5000 digits, a list as key
         except (ValueError, LookupError, TypeError, OverflowError):
-            raise InputError(
-                f"{source}: holds a value that cannot be read; give plain numbers, words and lists"
-            ) from None
-        return Entry(source, "", value, lines)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"{source}:{mark.line + 1}" if mark else source
-        raise InputError(f"{where}: not valid YAML: {' '.join(str(error.problem or error.context).split())}") from None
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        raise InputError(f"{source}:{line}: not valid YAML: {error.reason}") from None
-    except RecursionError:
-        raise InputError(f"{source}: nested too deeply; give plain lists and mappings") from None
+            problem = "holds a value that cannot be read; give plain numbers, words and lists"
+            raise InputError(f"{source}: {problem}") from None
 
 
 def _note_lines(node: yaml.Node, key: str, source: str, lines: dict[str, int], seen: set[int], depth: int) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 from maipp.errors import InputError
 from maipp.planners.options import read_options
-from maipp.scenario_io import _pairs, _yaml  # the house's one way of reading YAML, with line numbers
 from maipp.training.config import NAMED, TrainConfig
+from maipp.yaml_text import dump_yaml, read_pairs
 
 
 def find_config(name: str) -> TrainConfig:
@@ -40,11 +40,9 @@ def load_config(path: str | os.PathLike[str]) -> TrainConfig:
 
 def parse_config(text: str, *, source: str = "training") -> TrainConfig:
     """The configuration in YAML text; errors name `source`."""
-    if not text.strip():
-        raise InputError(f"{source}: empty; docs/training.md lists the keys")
     config, lines = NAMED["default"], {}
     values: dict[str, Any] = {}
-    for key, value, line in _pairs(text, source):
+    for key, value, line in read_pairs(text, source, empty="docs/training.md lists the keys"):
         if key in lines:
             raise InputError(f"{source}:{line}: {key}: given twice, first on line {lines[key]}; keep one")
         lines[key] = line
@@ -94,4 +92,4 @@ def config_from_dict(values: Mapping[str, Any], *, source: str = "training") -> 
 
 def dump_config(config: TrainConfig) -> str:
     """The full configuration as YAML."""
-    return "".join(_yaml({key: value}) for key, value in config_to_dict(config).items())
+    return "".join(dump_yaml({key: value}) for key, value in config_to_dict(config).items())
