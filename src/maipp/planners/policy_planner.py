@@ -81,6 +81,11 @@ class PolicyPlanner(Planner):
         """As many columns as the network was made for."""
         return self.policy.encoding_dimensions
 
+    @property
+    def missions_per_core(self) -> int:
+        """8: on 128 missions at B = 3 steps of 32 took `sga-catnipp` 1.5 times the time, `ti-star` and `di` 1.2 times."""
+        return 8
+
     def initial_memory(self) -> PyTree:
         """The network's memory of the executed trajectory."""
         return self.policy.initial_memory()

@@ -80,8 +80,8 @@ class Planner(eqx.Module):
 
     @property
     def missions_per_core(self) -> int:
-        """Missions that one CPU core steps together: fewer where a decision alone fills the core's cache."""
-        return 32
+        """Missions that one CPU core steps together, at most: fewer where a decision alone fills the core's cache."""
+        return 16
 
     def check(self) -> None:
         """Raise InputError where an option makes no sense; called once, before anything is compiled."""

@@ -29,7 +29,7 @@ def batch_size(missions: Mission) -> int:
 
 
 def chunk_size(planner: Planner) -> int:
-    """Missions that one device steps together."""
+    """Missions that one device steps together, at most."""
     return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
 
 
@@ -83,5 +83,7 @@ def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: K
     refuse_to_cross(scenario, planner)
     count = batch_size(missions)
     devices = min(len(missions_devices()), count)
-    chunk = min(chunk_size(planner), math.ceil(count / devices))
+    # Chunks of equal size: a last one that is all but empty would take as long as the others.
+    each = math.ceil(count / devices)
+    chunk = math.ceil(each / math.ceil(each / chunk_size(planner)))
     return _run_sharded(scenario, planner, missions, key, jnp.asarray(first), devices, chunk)
