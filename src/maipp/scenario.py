@@ -4,11 +4,12 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, no_type_check
+from typing import Any, no_type_check
 
 from maipp import scenario_checks as checks
 from maipp.errors import InputError, one_line
-from maipp.scenario_checks import Check, CheckError, nearest, show
+from maipp.scenario_checks import CheckError, nearest, show
+from maipp.scenario_fields import FieldDescription, Quantity, described, option
 
 Pair = tuple[float, float]
 Polygon = tuple[Pair, ...]
@@ -33,20 +34,6 @@ class ScenarioError(InputError):
         return one_line(f"{f'{self.where}: ' if self.where else 'scenario.'}{self.key}: {self.problem}")
 
 
-class Quantity(NamedTuple):
-    """What a field holds: completes "-1.0 is not <noun>; give <allowed>"."""
-
-    noun: str
-    unit: str
-    allowed: str
-
-
-def _option(default: Any, check: Check, quantity: Quantity, *, meaning: str, source: str) -> Any:
-    """A dataclass field whose metadata feeds errors, class docstring, docs/scenario.md and YAML comments."""
-    about = {"check": check, **quantity._asdict(), "meaning": meaning, "source": source}
-    return dataclasses.field(default=default, metadata=about)
-
-
 @dataclass(frozen=True)
 class Scenario:
     """One survey problem. Immutable and hashable, so that compiled functions are keyed on it.
@@ -58,161 +45,161 @@ class Scenario:
     Raises `ScenarioError`, an `InputError`, for the first field that is wrong.
     """
 
-    agents: int = _option(
+    agents: int = option(
         3,
         checks.whole(1),
         Quantity("a number of agents", "robots", "a whole number >= 1"),
         meaning="number of robots in the team",
         source=f"{_PAPER}, Sec. IV-E (m)",
     )
-    budget: float | tuple[float, ...] = _option(
+    budget: float | tuple[float, ...] = option(
         3.0,
         checks.one_or_many(checks.real(above=0.0)),
         Quantity("a budget", "domain units", "a length > 0 (domain units), or one per agent"),
         meaning="length of path each agent may travel",
         source=f"{_PAPER}, Sec. IV-E (B)",
     )
-    speed: float | tuple[float, ...] = _option(
+    speed: float | tuple[float, ...] = option(
         1.0,
         checks.one_or_many(checks.real(above=0.0)),
         Quantity("a speed", "domain units per unit of time", "a speed > 0, or one per agent"),
         meaning="constant speed at which each agent travels",
         source=f"{_PAPER}, Sec. IV-A (constant); the value sets the unit of time",
     )
-    start: Pair | tuple[Pair, ...] | None = _option(
+    start: Pair | tuple[Pair, ...] | None = option(
         None,
         checks.optional(checks.one_or_many(checks.sequence(checks.real(), 2, 2), depth=1)),
         Quantity("a start", "domain units", "[x, y] inside the extent, one [x, y] per agent, or null (None)"),
         meaning="where the agents set out; one position is shared by all, null draws a shared one uniformly",
         source=f"{_PAPER}, Sec. IV-E (drawn), Sec. V (shared)",
     )
-    comm_range: float | None = _option(
+    comm_range: float | None = option(
         None,
         checks.optional(checks.real(above=0.0)),
         Quantity("a communication range", "domain units", "a length > 0, or null (None) for global"),
         meaning="farthest distance at which a deciding agent hears another; null hears everyone",
         source=f"{_PAPER}, Sec. V-A (global, 0.3, 0.6)",
     )
-    measurement_interval: float = _option(
+    measurement_interval: float = option(
         0.2,
         checks.real(above=0.0),
         Quantity("a measurement interval", "domain units", "a length > 0, at most the largest budget"),
         meaning="distance travelled between two measurements",
         source=f"{_PAPER}, Sec. IV-E",
     )
-    extent: Pair = _option(
+    extent: Pair = option(
         (1.0, 1.0),
         checks.sequence(checks.real(above=0.0, most=20.0), 2, 2),  # float32 distances keep 1e-5 up to some 100
         Quantity("an extent", "domain units", "[width, height], both > 0 and <= 20 (scale so that sides are about 1)"),
         meaning="width and height of the domain, whose lower left corner is (0, 0)",
         source=f"{_PAPER}, Sec. IV-E (unit square)",
     )
-    grid: int = _option(
+    grid: int = option(
         30,
         checks.whole(2),
         Quantity("a grid size", "points", "a whole number >= 2"),
         meaning="points per side of the evaluation grid, both ends included",
         source=f"{_PAPER}, Sec. IV-E",
     )
-    obstacles: tuple[Polygon, ...] = _option(
+    obstacles: tuple[Polygon, ...] = option(
         (),
         checks.sequence(checks.polygon),
         Quantity("an obstacle", "domain units", "a list of polygons, each of at least 3 distinct [x, y]"),
         meaning="no-go zones, polygons that no route enters",
         source=f"{_PAPER}, Sec. IV-A (named as an extension; none there)",
     )
-    field: str | None = _option(
+    field: str | None = option(
         None,
         checks.optional(checks.path),
         Quantity("a path", "path", "the path of a field file, or null (None)"),
         meaning="file of the ground truth; null draws a Gaussian mixture",
         source="maipp",
     )
-    mixture_components: tuple[int, int] = _option(
+    mixture_components: tuple[int, int] = option(
         (8, 12),
         checks.low_high(checks.whole(1)),
         Quantity("a range of bump counts", "bumps", "[low, high], whole numbers with 1 <= low <= high"),
         meaning="fewest and most Gaussian bumps in a drawn ground truth, both included",
         source=f"{_PAPER}, Sec. IV-E",
     )
-    mixture_variance: Pair = _option(
+    mixture_variance: Pair = option(
         (5e-5, 2e-4),
         checks.low_high(checks.real(above=0.0)),
         Quantity("a range of squared variances", "domain units^4", "[low, high] with 0 < low <= high"),
         meaning="range that the square of a bump's variance along an axis is drawn from",
         source="the public code family of the paper",
     )
-    length_scale: float = _option(
+    length_scale: float = option(
         0.45,
         checks.real(above=0.0),
         Quantity("a length scale", "domain units", "a length > 0 (domain units)"),
         meaning="length scale of the Matern 3/2 kernel (0.25 in the ten-agent tables)",
         source="calibrated on the paper's tables",
     )
-    signal_variance: float = _option(
+    signal_variance: float = option(
         1.0,
         checks.real(above=0.0),
         Quantity("a signal variance", "field units squared", "a variance > 0"),
         meaning="prior variance of the field at any point",
         source=f"{_PAPER}, Sec. IV-E (initial trace 900 on 30 x 30)",
     )
-    noise: float = _option(
+    noise: float = option(
         1e-6,
         checks.real(least=0.0),
         Quantity("a noise variance", "field units squared", "a variance >= 0"),
         meaning="variance of the measurement noise, on the diagonal of the kernel matrix",
         source="measured: up to 1e-6 gives the table of 1e-10 in float64",
     )
-    belief_capacity: int = _option(
+    belief_capacity: int = option(
         512,
         checks.whole(1),
         Quantity("a belief capacity", "measurements", "a whole number >= 1"),
         meaning="most measurements that a decision's look-ahead is conditioned on; up to it beliefs are exact",
         source="maipp, docs/architecture.md; no table of the paper has more than 200",
     )
-    threshold: float = _option(
+    threshold: float = option(
         0.4,
         checks.real(),
         Quantity("a threshold", "field units", "a finite number"),
         meaning="value from which a point counts as high-interest",
         source=f"{_PAPER}, Sec. III-B (symbol); value from the public code family",
     )
-    beta: float = _option(
+    beta: float = option(
         1.0,
         checks.real(least=0.0),
         Quantity("a confidence weight", "no unit; 1 / field units under variance", "a number >= 0"),
         meaning="weight of the uncertainty in the upper confidence bound that is held against the threshold",
         source=f"{_PAPER}, Sec. III-B (symbol); calibrated",
     )
-    interest_rule: str = _option(
+    interest_rule: str = option(
         "std",
         checks.choice("std", "variance"),
         Quantity("an interest rule", "no unit", "std or variance"),
         meaning="uncertainty in the upper confidence bound: posterior standard deviation or variance",
         source=f"calibrated; {_PAPER}, Sec. III-B writes the variance",
     )
-    virtual_value: str = _option(
+    virtual_value: str = option(
         "mean",
         checks.choice("mean", "zero"),
         Quantity("a virtual value", "no unit", "mean or zero"),
         meaning="value of a measurement that is only planned: the predicted mean, or zero",
         source=f"{_PAPER}, Sec. IV-B; zero is the public code family's",
     )
-    nodes: int = _option(
+    nodes: int = option(
         200,
         checks.whole(2),
         Quantity("a number of nodes", "nodes", "a whole number >= 2"),
         meaning="nodes of each agent's roadmap, the start included",
         source=f"{_PAPER}, Sec. IV-E (n)",
     )
-    neighbours: int = _option(
+    neighbours: int = option(
         20,
         checks.whole(1),
         Quantity("a number of neighbours", "nodes", "a whole number >= 1, below nodes"),
         meaning="nearest other nodes each roadmap node is joined to",
         source=f"{_PAPER}, Sec. IV-E (k)",
     )
-    last_leg: str = _option(
+    last_leg: str = option(
         "cut",
         checks.choice("cut", "stop"),
         Quantity("a last-leg rule", "no unit", "cut or stop"),
@@ -222,9 +209,9 @@ class Scenario:
 
     def __post_init__(self) -> None:
         try:
-            for option in dataclasses.fields(self):
-                value = option.metadata["check"](option.name, getattr(self, option.name))
-                object.__setattr__(self, option.name, value)
+            for each in dataclasses.fields(self):
+                value = each.metadata["check"](each.name, getattr(self, each.name))
+                object.__setattr__(self, each.name, value)
             self._check_together()
         except CheckError as wrong:
             about = self.__dataclass_fields__[wrong.key.partition("[")[0]].metadata
@@ -274,7 +261,7 @@ class Scenario:
 
     def to_dict(self) -> dict[str, Any]:
         """Every field as plain numbers, strings, lists and None, ready for YAML or JSON."""
-        return {option.name: _listed(getattr(self, option.name)) for option in dataclasses.fields(self)}
+        return {each.name: _listed(getattr(self, each.name)) for each in dataclasses.fields(self)}
 
     def replace(self, **changes: Any) -> "Scenario":
         """The same scenario with these fields changed, validated anew."""
@@ -322,24 +309,9 @@ class Scenario:
         return self.comm_range is None
 
 
-class FieldDescription(NamedTuple):
-    """What there is to know of one scenario field."""
-
-    name: str
-    default: Any
-    unit: str
-    meaning: str
-    allowed: str
-    source: str
-
-
 def describe_fields() -> tuple[FieldDescription, ...]:
     """One row per scenario field, in order: what docs, docstring and YAML comments are made from."""
-    keys = FieldDescription._fields[2:]
-    return tuple(
-        FieldDescription(option.name, option.default, *(option.metadata[key] for key in keys))
-        for option in dataclasses.fields(Scenario)
-    )
+    return described(Scenario)
 
 
 def _listed(value: Any) -> Any:

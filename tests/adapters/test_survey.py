@@ -6,8 +6,6 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 pytest.importorskip("pettingzoo")
 
@@ -15,7 +13,6 @@ import maipp  # noqa: E402
 import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp import Scenario  # noqa: E402
 from maipp.adapters import moves  # noqa: E402
-from maipp.errors import InputError  # noqa: E402
 
 surveys: Any = environments  # its observations are arrays or dictionaries, by the options
 SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
@@ -227,103 +224,6 @@ def test_a_map_of_one_s_own_is_what_is_measured():
     np.testing.assert_array_equal(one, env.simulator_state()[0].truth)
 
 
-@settings(max_examples=40)
-@given(seed=st.integers(0, 30), data=st.data())
-def test_masked_actions_are_replaced_by_the_nearest_that_is_allowed(seed, data):
-    env = surveys.aec_env(UNEQUAL)
-    env.reset(seed=seed)
-    for agent in env.agent_iter():
-        observation, _, terminated, truncated, info = env.last()
-        if terminated or truncated:
-            env.step(None)
-            continue
-        action = data.draw(st.integers(0, 3))
-        allowed = observation["action_mask"].astype(bool)
-        candidates = surveys.split_view(UNEQUAL, observation["observation"]).candidates
-        squared = ((candidates[:, :2] - candidates[action, :2]) ** 2).sum(axis=1)
-        taken = action if allowed[action] else int(np.argmin(np.where(allowed, squared, np.inf)))
-        target = np.asarray(env.simulator_state()[1].leg)[0, env.possible_agents.index(agent), -1]
-        target = target + candidates[taken, :2]
-        env.step(action)
-        went = np.asarray(env.simulator_state()[1].leg)[0, env.possible_agents.index(agent), -1]
-        np.testing.assert_allclose(went, target, atol=1e-5)
-
-
-@pytest.mark.parametrize("kind", ["aec", "parallel"])
-def test_masked_actions_can_be_refused(kind):
-    make = surveys.aec_env if kind == "aec" else surveys.parallel_env
-    env = make(ZONES.replace(neighbours=8), masked="raise", actions="neighbour")
-    env.reset(seed=0)
-    before = numbers(env.simulator_state()[1])
-    if kind == "parallel":
-        with pytest.raises(InputError, match=r"robot_0: action 8 is masked; allowed now: \[0, 1"):
-            env.step(dict.fromkeys(env.agents, 8))
-    else:
-        mask = env.last()[0]["action_mask"]
-        for action in np.flatnonzero(mask == 0):
-            with pytest.raises(InputError, match="is masked; allowed now"):
-                env.step(action)
-    for key, value in numbers(env.simulator_state()[1]).items():
-        np.testing.assert_array_equal(value, before[key])
-
-
-NO_ACTIONS = st.one_of(
-    st.integers(min_value=5),
-    st.integers(max_value=-1),
-    st.floats(),
-    st.text(max_size=5),
-    st.none(),
-    st.lists(st.floats()),
-)
-
-
-@given(action=NO_ACTIONS)
-def test_what_is_no_action_is_told_and_changes_nothing(action):
-    env, other = surveys.aec_env(SMALL), surveys.parallel_env(SMALL)
-    for each in (env, other):
-        each.reset(seed=0)
-    with pytest.raises(InputError, match="robot_0: .* is not an action; give a member of Discrete") as caught:
-        env.step(action)
-    assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="robot_1: .* is not an action"):
-        other.step({"robot_0": 0, "robot_1": action, "robot_2": 0})
-    assert env.agent_selection == "robot_0" and (other.simulator_state()[1].events == 0).all()
-
-
-@given(action=st.lists(st.floats(width=32), min_size=2, max_size=2))
-def test_waypoints_anywhere_but_in_the_domain_are_refused(action):
-    env = surveys.aec_env(SMALL, actions="waypoint")
-    env.reset(seed=0)
-    place = np.array(action, np.float32)
-    if ((place >= 0) & (place <= 1)).all():
-        env.step(place)
-        assert env.simulator_state()[1].events[0] == 1
-    else:
-        with pytest.raises(InputError, match="is not an action; give a member of Box"):
-            env.step(place)
-
-
-def test_waypoints_are_cut_at_the_budget_and_a_waypoint_on_the_spot_ends_the_survey():
-    env = surveys.aec_env(SMALL.replace(agents=1, start=(0.0, 0.0)), actions="waypoint")
-    env.reset(seed=0)
-    env.step(np.array([1.0, 1.0], np.float32))
-    assert env.terminations["robot_0"]
-    final = env.simulator_state()[1]
-    assert float(final.odometer[0, 0]) == pytest.approx(1.2, abs=1e-5) and int(final.taken[0, 0]) == 6
-    env.reset(seed=0)
-    env.step(np.zeros(2, np.float32))
-    assert env.terminations["robot_0"] and env.last()[1] == pytest.approx(-0.02 * 64, rel=1e-3)
-    env.step(None)
-    assert not env.agents and not env.simulator_state()[1].active.any()
-
-
-def test_a_missing_action_is_told():
-    env = surveys.parallel_env(SMALL)
-    env.reset(seed=0)
-    with pytest.raises(InputError, match="robot_2: no action"):
-        env.step({"robot_0": 0, "robot_1": 0})
-
-
 def test_the_engine_s_own_limit_truncates():
     # Forth and back between two nodes side by side: the record of the route fills before the budget is spent.
     close = SMALL.replace(agents=1, budget=3.0, nodes=150, measurement_interval=3.0)
@@ -351,15 +251,3 @@ def test_a_picture_and_a_text_show_where_everybody_is():
     agent = env.possible_agents.index(env.agent_selection)
     x, y = np.asarray(state.leg)[0, agent, -1]
     assert f"{env.agent_selection}  at ({x:.3f}, {y:.3f})" in text
-
-
-def test_in_parallel_too_a_waypoint_on_the_spot_ends_one_survey_alone():
-    env = surveys.parallel_env(SMALL.replace(start=(0.5, 0.5)), actions="waypoint")
-    env.reset(seed=0)
-    middle, corner = np.array([0.5, 0.5], np.float32), np.array([1.0, 1.0], np.float32)
-    _, rewards, terminations, truncations, _ = env.step({"robot_0": corner, "robot_1": middle, "robot_2": corner})
-    assert terminations == {"robot_0": False, "robot_1": True, "robot_2": False} and not any(truncations.values())
-    assert rewards["robot_1"] == pytest.approx(-0.02 * 64, rel=1e-3)
-    assert env.agents == ["robot_0", "robot_2"]
-    env.step({"robot_0": np.zeros(2, np.float32), "robot_2": np.zeros(2, np.float32)})
-    assert not env.agents and not env.simulator_state()[1].active.any()

@@ -45,7 +45,7 @@ def test_surveys_of_random_areas(case):
         [name != "lawnmower" or survey.unmeasured > 0.1 for survey in surveys]
     )
     assert not np.flatnonzero(early).tolist()
-    # On its way out of a dead end that bends, one may seem to stay: in fewer than one area of a hundred.
+    # On its way out of a dead end that bends, one may seem to stay: in one area of a hundred at most.
     assert sum(survey.stuck > 0 for survey in surveys) <= AREAS // 100
     if name != "random":
         assert np.mean([survey.unmeasured for survey in surveys]) < 0.06

@@ -1,4 +1,4 @@
-"""Surveys that follow a script, for tests of the engine."""
+"""Surveys that follow a script, for tests of the engine, and the record of one that several files test."""
 
 import equinox as eqx
 import jax
@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 from jax import lax
 
-from maipp.simulator import Decision, Planner, draw_missions, reset
+from maipp.planners.random_walk import RandomWalk
+from maipp.scenario import Scenario
+from maipp.simulator import Decision, Planner, draw_missions, reset, run_missions
 from maipp.simulator.engine import step
+from maipp.simulator.episode import Episode
+from maipp.simulator.episode_io import dump_episode
+
+RECORDED = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3)
 
 
 class Scripted(Planner):
@@ -77,3 +83,22 @@ def play():
         return mission, jax.tree.map(np.asarray, states_of(scenario, planner, mission))
 
     return run
+
+
+@pytest.fixture(scope="session")
+def batch():
+    """Two missions of a random walk, and how they ended."""
+    missions = draw_missions(RECORDED, seed=5, instances=2)
+    return missions, run_missions(RECORDED, RandomWalk(RECORDED), missions, jax.random.key(5))
+
+
+@pytest.fixture(scope="session")
+def episode(batch):
+    """The record of the second of them."""
+    return Episode.from_state(RECORDED, "random", {}, 5, *batch, index=1)
+
+
+@pytest.fixture(scope="session")
+def text(episode):
+    """Its file."""
+    return dump_episode(episode)

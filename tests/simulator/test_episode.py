@@ -1,12 +1,8 @@
 """The record of a survey: true to the simulation, read back as written, and enough to compute every number anew."""
 
-import copy
-import csv
 import dataclasses
-import io
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +15,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.belief import PriorSamples
-from maipp.errors import InputError
 from maipp.fields.raster import Mapping
-from maipp.planners.random_walk import RandomWalk
 from maipp.planners.sga_rrt import SgaRrt
 from maipp.scenario import Scenario
 from maipp.simulator import draw_missions, run_missions
@@ -29,39 +23,20 @@ from maipp.simulator.checked_json import pretty
 from maipp.simulator.episode import AgentRecord, Episode, replay, shortest
 from maipp.simulator.episode_io import (
     dump_episode,
-    measurements_csv,
     parse_episode,
     read_episode,
-    waypoints_csv,
     write_episode,
 )
 from maipp.simulator.metrics import score_missions
 
-SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3)
 MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))
 GOLDEN = Path(__file__).parent / "golden" / "prior.json"
 
 
-@pytest.fixture(scope="module")
-def batch():
-    missions = draw_missions(SCENARIO, seed=5, instances=2)
-    return missions, run_missions(SCENARIO, RandomWalk(SCENARIO), missions, jax.random.key(5))
-
-
-@pytest.fixture(scope="module")
-def episode(batch):
-    return Episode.from_state(SCENARIO, "random", {}, 5, *batch, index=1)
-
-
-@pytest.fixture(scope="module")
-def text(episode):
-    return dump_episode(episode)
-
-
 def test_the_record_agrees_with_the_simulation(batch, episode):
     missions, states = batch
-    scores = score_missions(SCENARIO, missions, states)
+    scores = score_missions(episode.scenario, missions, states)
     metrics = episode.metrics
     assert metrics.trace == pytest.approx(float(scores.trace[1]), rel=1e-4)
     assert metrics.own_trace.mean() == pytest.approx(float(scores.own_trace[1]), rel=1e-4)
@@ -90,7 +65,7 @@ def test_routes_are_what_was_travelled(episode):
         assert lengths.sum() == pytest.approx(agent.distance, rel=1e-5)
         assert agent.distance <= agent.budget + 1e-5
         np.testing.assert_allclose(np.diff(agent.route_time), lengths / agent.speed, atol=1e-5)
-        assert len(agent.measurement_y) == math.floor(agent.distance / SCENARIO.measurement_interval + 1e-4)
+        assert len(agent.measurement_y) == math.floor(agent.distance / episode.scenario.measurement_interval + 1e-4)
 
 
 def test_measurements_lie_on_the_routes_at_their_time(episode):
@@ -101,18 +76,19 @@ def test_measurements_lie_on_the_routes_at_their_time(episode):
 
 def test_the_curve_starts_at_the_prior_and_ends_at_the_final_trace(episode):
     metrics = episode.metrics
-    prior = episode.inside.sum() * SCENARIO.signal_variance
+    prior = episode.inside.sum() * episode.scenario.signal_variance
     assert metrics.curve_trace[0] == pytest.approx(prior)
     assert metrics.curve_trace[-1] == np.float32(metrics.trace)
     assert (np.diff(metrics.curve_time) > 1e-5).all()
     assert metrics.curve_time[-1] == max(agent.measurement_time[-1] for agent in episode.agents)
 
 
-def test_repeated_waypoints_are_recorded_once_and_messages_weighed():
-    planner = SgaRrt(SCENARIO, nodes=20)
-    missions = draw_missions(SCENARIO, seed=0, instances=1, roadmaps=False)
-    states = run_missions(SCENARIO, planner, missions, jax.random.key(0))
-    episode = Episode.from_state(SCENARIO, "sga-rrt", {"nodes": "20"}, 0, missions, states)
+def test_repeated_waypoints_are_recorded_once_and_messages_weighed(episode):
+    scenario = episode.scenario
+    planner = SgaRrt(scenario, nodes=20)
+    missions = draw_missions(scenario, seed=0, instances=1, roadmaps=False)
+    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    episode = Episode.from_state(scenario, "sga-rrt", {"nodes": "20"}, 0, missions, states)
     per_measurement = 3 * 4  # position and time, float32
     assert episode.message_bytes == planner.horizon * per_measurement
     assert episode.decisions == int(states.events[0])
@@ -142,7 +118,7 @@ def test_replay_depends_on_the_measurements(episode):
 
 
 def test_a_mapping_and_obstacles_survive(episode):
-    scenario = SCENARIO.replace(obstacles=[[[0.1, 0.1], [0.5, 0.1], [0.3, 0.4]]])
+    scenario = episode.scenario.replace(obstacles=[[[0.1, 0.1], [0.5, 0.1], [0.3, 0.4]]])
     inside = np.arange(64) % 7 > 0
     there = dataclasses.replace(episode, scenario=scenario, inside=inside, mapping=MAPPING)
     again = parse_episode(dump_episode(there))
@@ -232,162 +208,3 @@ def test_the_golden_file_s_metrics_are_those_of_the_posterior():
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_shortest_decimals_are_exact(value):
     assert np.float32(json.loads(json.dumps(shortest(np.float32(value))))) == np.float32(value)
-
-
-def keys_of(value, prefix=""):
-    if isinstance(value, dict):
-        for key, item in value.items():
-            name = f"{prefix}.{key}" if prefix else key
-            yield name
-            yield from keys_of(item, name)
-    elif isinstance(value, list):
-        for item in value:
-            yield from keys_of(item, f"{prefix}[]")
-
-
-def test_every_key_is_documented(episode):
-    page = (Path(__file__).parents[2] / "docs" / "episode.md").read_text(encoding="utf-8")
-    documented = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
-    written = set(keys_of(json.loads(dump_episode(dataclasses.replace(episode, mapping=MAPPING, prior=PRIOR)))))
-    fields = {f"scenario.{name}" for name in Scenario.__dataclass_fields__}  # documented in docs/scenario.md
-    assert fields <= written
-    assert written - fields <= documented
-    assert {key for key in documented if not re.search(r"\.(json|csv|png|mp4)$", key)} <= written
-
-
-def change(record, path, value):
-    """A copy of the record with one entry replaced, or removed where `value` is None."""
-    record = copy.deepcopy(record)
-    *parents, last = [int(part) if part.isdigit() else part for part in path.split("/")]
-    place = record
-    for part in parents:
-        place = place[part]
-    if value is None:
-        del place[last]
-    else:
-        place[last] = value
-    return record
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        ("schema", "maipp.episode/2", "schema: 'maipp.episode/2' is not a schema"),
-        ("schema", None, "schema: missing"),
-        ("precision", "float16", "precision: 'float16'"),
-        ("seed", 1.5, "seed: must be a whole number"),
-        ("seed", True, "seed: must be a whole number"),
-        ("planner", [], "planner: must be an object"),
-        ("planner/name", 3, "planner.name: must be a text"),
-        ("scenario/budget", -1, r"scenario.budget: -1 is not a budget"),
-        ("scenario/noise", None, "scenario.noise: missing"),
-        ("scenario/agents", 3, "agents: has 2 entries; there must be 3"),
-        ("agents/1/route/x", None, r"agents\[1\].route.x: missing"),
-        ("agents/1/route/x/0", "far", r"agents\[1\].route.x\[0\]: must be a number"),
-        ("agents/0/route/y", [0.5], r"agents\[0\].route.y: has 1 entries"),
-        ("agents/0/route/time", [], r"agents\[0\].route.time: is empty"),
-        ("agents/0/route/time/1", -1.0, r"agents\[0\].route.time: goes back"),
-        ("agents/0/measurements/value/0", 10**400, r"agents\[0\].measurements.value\[0\]: is inf"),
-        ("agents/0/measurements/value/0", 1e300, r"agents\[0\].measurements.value\[0\]: is too large for float32"),
-        ("agents/0/measurements/time", [0.1] * 9, r"agents\[0\].measurements.time: has 9 entries; the scenario allows"),
-        ("agents/0/known/1", 99, r"agents\[0\].known\[1\]: is 99, but agent 1 took"),
-        ("agents/0/speed", 0, r"agents\[0\].speed: is 0.0"),
-        ("metrics/own_trace", {}, "metrics.own_trace: must be a list"),
-        ("metrics/curve/time", [], "metrics.curve.time: is empty"),
-        ("truth/3", [1.0], r"truth\[3\]: has 1 entries; there must be 8"),
-        ("outside", [64], r"outside\[0\]: is 64; it must be below 64"),
-        ("outside", [10**30], r"outside\[0\]"),
-        ("mapping", {}, "mapping.origin: missing"),
-        ("mapping", "none", "mapping: must be an object"),
-        ("prior", [], "prior: must be an object"),
-        ("prior", {"x": [], "y": [], "value": [], "noise": None}, "prior.value: is empty; leave prior out"),
-        ("prior", {"x": [0], "y": [0, 1], "value": [0.5], "noise": None}, "prior.y: has 2 entries; there must be 1"),
-        ("prior", {"x": [0], "y": [0], "value": [1e300], "noise": None}, r"prior.value\[0\]: is too large for float32"),
-        ("prior", {"x": [0], "y": [0], "value": [0.5], "noise": [-1]}, "prior.noise: goes below 0"),
-        ("prior", {"x": [0], "y": [0], "value": [0.5]}, "prior.noise: missing"),
-    ],
-)
-def test_what_is_wrong_is_named_with_file_and_key(text, path, value, message):
-    changed = json.dumps(change(json.loads(text), path, value))
-    with pytest.raises(InputError, match=f"^survey.json: {message}") as caught:
-        parse_episode(changed, source="survey.json")
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("literal", ["NaN", "Infinity", "1e999"])
-def test_numbers_that_are_not_finite_are_refused(text, literal):
-    changed = re.sub(r'"rmse": [^,]+', f'"rmse": {literal}', text)
-    with pytest.raises(InputError, match=r"^survey.json: metrics.rmse: is (nan|inf)"):
-        parse_episode(changed, source="survey.json")
-
-
-def test_every_key_is_required(text):
-    record = json.loads(text)
-    for path in {key.replace("[].", "/0/").replace(".", "/") for key in keys_of(record)}:
-        with pytest.raises(InputError, match="missing"):
-            parse_episode(json.dumps(change(record, path, None)))
-
-
-@given(st.data())
-def test_a_file_cut_anywhere_is_refused_in_one_line(text, data):
-    cut = data.draw(st.integers(0, len(text) - 3))
-    with pytest.raises(InputError, match=r"^survey.json:\d+: not JSON") as caught:
-        parse_episode(text[:cut], source="survey.json")
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("content", ["[" * 100_000, "1" * 5000, "[]", "null", '"text"'])
-def test_other_json_is_refused(content):
-    with pytest.raises(InputError, match="^survey.json"):
-        parse_episode(content, source="survey.json")
-
-
-def test_files_that_cannot_be_read_are_named(tmp_path):
-    with pytest.raises(InputError, match="nowhere.json: cannot read the episode: No such file"):
-        read_episode(tmp_path / "nowhere.json")
-    (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="binary.json: not UTF-8 text"):
-        read_episode(tmp_path / "binary.json")
-
-
-def table(text):
-    return list(csv.DictReader(io.StringIO(text)))
-
-
-def test_tables_without_a_file_are_in_domain_units(episode):
-    rows = table(waypoints_csv(episode))
-    assert list(rows[0]) == ["agent", "order", "x", "y", "time", "distance"]
-    for index, agent in enumerate(episode.agents):
-        own = [row for row in rows if row["agent"] == str(index)]
-        assert [int(row["order"]) for row in own] == list(range(len(agent.route)))
-        np.testing.assert_array_equal([np.float32(row["x"]) for row in own], agent.route[:, 0])
-        assert float(own[-1]["distance"]) == pytest.approx(agent.distance, rel=1e-5)
-    rows = table(measurements_csv(episode))
-    assert list(rows[0]) == ["agent", "order", "x", "y", "value", "time"]
-    values = np.concatenate([agent.measurement_y for agent in episode.agents])
-    np.testing.assert_array_equal([np.float32(row["value"]) for row in rows], values)
-
-
-def test_tables_of_a_field_from_a_file_are_in_its_units(episode):
-    there = dataclasses.replace(episode, mapping=MAPPING)
-    first = table(waypoints_csv(there))[0]
-    assert list(first) == ["agent", "order", "easting", "northing", "time", "distance"]
-    start = episode.agents[0].start
-    assert float(first["easting"]) == pytest.approx(500 + 2000 * float(start[0]), rel=1e-8)
-    assert float(first["northing"]) == pytest.approx(40 + 2000 * float(start[1]), rel=1e-8)
-    last = table(waypoints_csv(there))[-1]
-    assert float(last["distance"]) == pytest.approx(2000 * episode.agents[-1].distance, rel=1e-5)
-    measured = table(measurements_csv(there))[0]
-    assert float(measured["temperature"]) == pytest.approx(30 - 20 * float(episode.agents[0].measurement_y[0]))
-
-
-def test_distances_stay_in_domain_units_where_the_axes_differ(episode):
-    there = dataclasses.replace(episode, mapping=dataclasses.replace(MAPPING, size=(2000.0, 900.0)))
-    last = table(waypoints_csv(there))[-1]
-    assert float(last["distance_domain"]) == pytest.approx(episode.agents[-1].distance, rel=1e-5)
-
-
-def test_columns_of_the_same_name_are_told_apart(episode):
-    there = dataclasses.replace(episode, mapping=dataclasses.replace(MAPPING, value_name="time", x_name='a,"b"'))
-    header = list(table(measurements_csv(there))[0])
-    assert header == ["agent", "order", 'a,"b"', "northing", "time_4", "time_5"]

@@ -14,7 +14,7 @@ from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import clipped_sweep
-from maipp.roadmap import FreeSpace, Obstacles, Roadmap, laplacian_encoding, sample_roadmaps, zones_of
+from maipp.roadmap import FreeSpace, Obstacles, Roadmap, free_space, laplacian_encoding, sample_roadmaps, zones_of
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, draw_missions, run_missions
 from maipp.typing import Float
@@ -69,7 +69,7 @@ class Surveyor:
         states = jax.tree.map(np.asarray, run_missions(self.common, planner, mission, jax.random.key(seed)))
         routes = [states.route[0, i, : states.route_length[0, i]].astype(float) for i in range(AGENTS)]
         points = grid[shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])]
-        free = FreeSpace(obstacles, scenario.extent)
+        free = free_space(scenario.obstacles, scenario.extent)
         places, times = states.measurement_x[0], states.measurement_time[0]
         return Surveyed(
             odometer=states.odometer[0],

@@ -71,11 +71,6 @@ class LegPlanner(PlanePlanner):
         if not self.spread >= 0:
             raise InputError(f"spread={self.spread}: give a number >= 0")
 
-    @property
-    def missions_per_core(self) -> int:
-        """16: on 64 missions at B = 2 steps of 4 took 1.1 times the processor time (with straight legs)."""
-        return 16
-
     def plan_legs(
         self,
         key: Key,
