@@ -19,7 +19,7 @@ def compare(scenario: maipp.Scenario, *, instances: int, trials: int) -> dict[st
 def survey(scenario: maipp.Scenario, seed: int = 0) -> jax.Array:
     """The routes (1, m, vertices, 2) of one survey."""
     planner = maipp.make_planner("best-heading", scenario, {"headings": 8})
-    missions = maipp.draw_missions(scenario, seed=seed, instances=1, roadmaps=planner.uses_roadmap)
+    missions = maipp.draw_missions(scenario, seed=seed, instances=1, planner=planner)
     return maipp.run_missions(scenario, planner, missions, jax.random.key(seed)).route
 
 

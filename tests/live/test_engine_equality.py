@@ -60,7 +60,7 @@ def _engine_step(scenario, planner, mission, state, key, decided):
 def test_with_the_same_keys_random_planners_travel_as_in_the_engine(scenario, team, name):
     options = {"horizon": 2, "candidates": 16, "elites": 2, "steps": 3, "points": 32} if "horizon" in name else {}
     planner = make_planner(name, scenario, options)
-    drawn = draw_missions(scenario, seed=4, instances=1, roadmaps=planner.uses_roadmap)
+    drawn = draw_missions(scenario, seed=4, instances=1, planner=planner)
     mission = jax.tree.map(lambda a: a[0], drawn)
     state, decided = reset(scenario, planner, mission), jnp.zeros(scenario.agents, jnp.int32)
     while state.active.any():

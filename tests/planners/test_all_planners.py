@@ -60,8 +60,7 @@ def survey():
                 scenario,
                 seed=4,
                 instances=MISSIONS,
-                roadmaps=planner.uses_roadmap,
-                encodings=planner.encoding_dimensions,
+                planner=planner,
             )
             states = run_missions(scenario, planner, missions, jax.random.key(2))
             done[name, setting] = planner, missions, jax.tree.map(np.asarray, states)

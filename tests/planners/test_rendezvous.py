@@ -77,7 +77,7 @@ def test_planners_in_the_plane_keep_the_meeting(name):
     options = {"horizon": 3, "candidates": 48, "elites": 4, "steps": 12}
     options |= {"weights": "untrained", "paths": 4, "nodes": 3} if name == "intent-search" else {}
     planner = make_planner(name, scenario, options)
-    missions = draw_missions(scenario, seed=4, instances=4, encodings=planner.encoding_dimensions)
+    missions = draw_missions(scenario, seed=4, instances=4, planner=planner)
     states = run_missions(scenario, planner, missions, jax.random.key(0))
     assert (gaps(states) <= 0.4).all()
 

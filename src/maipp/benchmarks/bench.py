@@ -101,8 +101,7 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
         scenario,
         seed=0,
         instances=missions,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     single = jax.tree.map(lambda array: array[:1], batch)
     key = jax.random.key(0)

@@ -211,7 +211,7 @@ def _draw(
     return dataclasses.replace(missions, budgets=budgets)
 
 
-@lru_cache(maxsize=3)  # without roadmaps, with them, and with their encodings
+@lru_cache(maxsize=9)  # without roadmaps, with them, and with their encodings, each for three numbers of trials
 def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool, encodings: int) -> Mission:
     return draw_missions(
         scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, encodings=encodings

@@ -41,7 +41,7 @@ class Plan:
     scenario: Scenario = Scenario()
     instances: int = 30
     seed: int = 0
-    rows: tuple[Row, ...] = tuple(row for row in TABLES["table1"].rows if row is not JOINT)  # of the curves
+    rows: tuple[Row, ...] = tuple(row for row in TABLES["table1"].chosen(()) if row is not JOINT)  # of the curves
 
 
 def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list[Path]:
@@ -115,7 +115,7 @@ def _words(plan: Plan) -> str:
 
 def _survey(plan: Plan) -> Episode:
     planner = make_planner(_SURVEYED, plan.scenario)
-    missions = draw_missions(plan.scenario, seed=plan.seed, instances=1, encodings=planner.encoding_dimensions)
+    missions = draw_missions(plan.scenario, seed=plan.seed, instances=1, planner=planner)
     states = run_missions(plan.scenario, planner, missions, jax.random.key(plan.seed))
     return Episode.from_state(plan.scenario, _SURVEYED, {}, plan.seed, missions, states)
 

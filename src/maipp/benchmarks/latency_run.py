@@ -57,8 +57,7 @@ def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int,
         scenario,
         seed=seed,
         instances=batch,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     key = jax.random.key(seed)
     with one_core():

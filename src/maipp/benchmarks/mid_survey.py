@@ -36,9 +36,7 @@ def under_way(scenario: Scenario, planner: Planner, *, seed: int, count: int) ->
     The domain is the unit square. One roadmap serves all agents: drawing a hundred takes longer than what is timed.
     """
     alone = scenario.replace(agents=1)
-    drawn = draw_missions(
-        alone, seed=seed, instances=1, roadmaps=planner.uses_roadmap, encodings=planner.encoding_dimensions
-    )
+    drawn = draw_missions(alone, seed=seed, instances=1, planner=planner)
     m = scenario.agents
     mission = jax.tree.map(lambda a: a[0], drawn)
     shared = jax.tree.map(lambda a: jnp.repeat(a, m, axis=0), (mission.start, mission.budgets, mission.speeds))

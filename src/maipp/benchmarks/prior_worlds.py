@@ -61,8 +61,7 @@ def prior_missions(scenario: Scenario, planner: Planner, seed: int, instances: i
         seed=seed,
         instances=instances,
         trials=trials,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     kernel = Matern32(scenario.length_scale, scenario.signal_variance)
     drawn = draw_fields(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), kernel, instances)

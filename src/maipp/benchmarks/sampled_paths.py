@@ -35,7 +35,7 @@ def sampled_paths(scenario: Scenario, *, paths: int, steps: int, decision: int, 
     """
     planner = make_planner("ti", scenario, {"paths": paths, "steps": steps})
     assert isinstance(planner, IntentPlanner)
-    drawn = draw_missions(scenario, seed=seed, instances=1, encodings=planner.encoding_dimensions)
+    drawn = draw_missions(scenario, seed=seed, instances=1, planner=planner)
     mission = jax.tree.map(lambda array: array[0], drawn)
     key = jax.random.fold_in(jax.random.key(seed), 0)
     state = reset(scenario, planner, mission)

@@ -51,8 +51,7 @@ def measure(kind: str, length: int, scenario: Scenario, *, instances: int, seed:
         scenario,
         seed=seed,
         instances=instances,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     history = intents_told(scenario, planner, missions, jax.random.key(seed))
     kl = divergences(history, scenario.agents)

@@ -63,14 +63,16 @@ def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: 
 def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
     """The command that fills the table with these lines."""
     words = ["maipp", "benchmark", table.name, "--out", out]
-    if sample[:2] == QUICK_SAMPLE[:2]:
+    quick = sample[:2] == QUICK_SAMPLE[:2]
+    if quick:
         words.append("--quick")
     else:
         for name, given, usual in zip(Sample._fields[:2], sample, DEFAULT_SAMPLE, strict=False):
             words += [f"--{name}", str(given)] if given != usual else []
     words += ["--seed", str(sample.seed)] if sample.seed else []
     rows = list(dict.fromkeys(line.row.name for line in lines))
-    words += ["--planners", *rows] if len(rows) < len(table.rows) else []
+    usual = [row.name for row in table.chosen(()) if row.quick or not quick]
+    words += ["--planners", *rows] if rows != usual else []
     words += ["--reference", reference] if reference != table.reference else []
     return shlex.join(words)
 

@@ -46,16 +46,17 @@ class TableSpec:
     left_out: Mapping[str, str] = field(default_factory=dict)  # lines of other tables that this one lacks, and why
 
     def chosen(self, names: Sequence[str]) -> tuple[Row, ...]:
-        """The lines of these names or, where no line has the name, of the planner of that name; all of them for none.
+        """The lines of these names or, where no line has the name, of the planner of that name.
 
-        Raises `InputError` for a name that no line has.
+        For no names all lines but those computed by name only. Raises `InputError` for a name that no line has.
         """
         for name in names:
             if not any(name in (row.name, row.planner) for row in self.rows):
                 raise InputError(f"--planners: {unknown('row', name, [row.name for row in self.rows])}")
-        own = {row.name for row in self.rows}
-        planners = set(names) - own
-        return tuple(row for row in self.rows if not names or row.name in names or row.planner in planners)
+        if not names:
+            return tuple(row for row in self.rows if not row.by_name)
+        planners = set(names) - {row.name for row in self.rows}
+        return tuple(row for row in self.rows if row.name in names or row.planner in planners)
 
 
 _THREE = Scenario(agents=3)

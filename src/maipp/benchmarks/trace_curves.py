@@ -35,8 +35,7 @@ def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> C
         scenario,
         seed=seed,
         instances=instances,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     states = run_missions(scenario, planner, missions, jax.random.key(seed))
     distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval

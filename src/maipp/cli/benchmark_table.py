@@ -26,7 +26,7 @@ class TableFlags:
     """folder to write to; made if need be. What is computed there already is kept"""
 
     quick: bool = False
-    """30 instances x 1 trial, without the rows that take longer than all others together"""
+    """30 instances x 1 trial, without receding-horizon-joint"""
 
     instances: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 30)")] = None
     """worlds (ground truth and start)"""
@@ -38,7 +38,7 @@ class TableFlags:
     """seed of the worlds"""
 
     planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
-    """rows to compute, by their own name or their planner's; left out: all"""
+    """rows to compute, by their own name or their planner's; left out: all but ti-star-reencode"""
 
     reference: Annotated[str | None, tyro.conf.arg(metavar="ROW", help_behavior_hint="")] = None
     """row that the others are paired with; left out: the table's own"""

@@ -234,8 +234,7 @@ def _simulate(
             scenario,
             seed=seed,
             instances=1,
-            roadmaps=planner.uses_roadmap,
-            encodings=planner.encoding_dimensions,
+            planner=planner,
             field=field,
         )
     except ValueError as error:  # obstacles or a start that leave no way to go

@@ -11,7 +11,7 @@ from maipp.live.world import World
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.simulator.decision import Observation
 from maipp.simulator.engine import window_reach
-from maipp.simulator.state import along
+from maipp.simulator.legs import cut_leg
 from maipp.typing import Array, Bool, Float, Index
 
 
@@ -82,10 +82,6 @@ def decide(world: World, situation: Situation) -> Outcome:
     )
     key = jax.random.fold_in(jax.random.fold_in(world.key, agent), situation.arrival)
     decision = planner.decide(key, observation, situation.memory)
-    extent = jnp.asarray(scenario.extent, position.dtype)
-    planned = jnp.concatenate([position[None], jnp.clip(decision.waypoints, 0.0, extent)])
-    lengths = jnp.cumsum(jnp.sqrt(jnp.sum((planned[1:] - planned[:-1]) ** 2, axis=-1)))
-    reach = jnp.minimum(lengths, situation.remaining)
-    leg = jnp.concatenate([position[None], along(planned, reach)])
+    leg, reach = cut_leg(scenario, position, decision.waypoints, situation.remaining)
     go = ~jnp.asarray(decision.stop, bool) & (reach[-1] > DISTANCE_TOLERANCE)
     return Outcome(leg, reach[-1], go, decision.message, decision.memory)

@@ -56,8 +56,7 @@ def draw_world(planner: Planner, seed: int, prior_count: int = 0, prior_noise: f
         planner.scenario,
         seed=seed,
         instances=1,
-        roadmaps=planner.uses_roadmap,
-        encodings=planner.encoding_dimensions,
+        planner=planner,
     )
     mission: Mission = jax.tree.map(lambda a: a[0], drawn)
     return World(

@@ -8,7 +8,7 @@ from jax import lax
 
 from maipp.planners.detour import sight, waypoints, ways_from
 from maipp.roadmap.zones import Zones
-from maipp.simulator.state import along
+from maipp.simulator.legs import along
 from maipp.typing import Array, Float, Point
 
 # Points of the evaluation grid to which ways are looked up, and of those the ones whose measurement is predicted.

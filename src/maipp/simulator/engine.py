@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from maipp.belief import Matern32, condition_near
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.simulator.decision import Decision, Observation, Planner
+from maipp.simulator.legs import along, cut_leg
 from maipp.simulator.mission import Mission
-from maipp.simulator.state import State, along, positions, route_capacity
+from maipp.simulator.state import State, positions, route_capacity
 from maipp.typing import Array, Bool, Index, Key
 
 # Measurements ahead that planners look; one and two were worse at 5,000 measurements, in which plan came out best.
@@ -130,11 +131,7 @@ def advance(
     speed = _pick(mission.speeds, agent)
     position = _pick(state.leg, agent)[-1]
 
-    extent = jnp.asarray(scenario.extent, position.dtype)
-    planned = jnp.concatenate([position[None], jnp.clip(decision.waypoints, 0.0, extent)])
-    lengths = jnp.cumsum(jnp.sqrt(jnp.sum((planned[1:] - planned[:-1]) ** 2, axis=-1)))
-    reach = jnp.minimum(lengths, remaining)  # distance from here to each vertex, cut at the budget
-    leg = jnp.concatenate([position[None], along(planned, reach)])
+    leg, reach = cut_leg(scenario, position, decision.waypoints, remaining)
     length = reach[-1]
     capacity = route_capacity(scenario, planner)
     w = planner.waypoints_per_decision

@@ -15,6 +15,7 @@ from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
+from maipp.simulator.decision import Planner
 from maipp.simulator.prior_checks import prior_arrays
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
@@ -95,6 +96,7 @@ def draw_missions(
     seed: int,
     instances: int,
     trials: int = 1,
+    planner: Planner | None = None,
     roadmaps: bool = True,
     encodings: int = 0,
     field: Field | None = None,
@@ -104,13 +106,16 @@ def draw_missions(
     """A batch of `instances * trials` missions, instance slowest.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
-    planners meet the same worlds. Roadmaps carry a spectral encoding of `encodings` columns, which planners with a
-    policy need (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given ground truth.
-    `prior` are positions (domain units) and standardised values of samples taken before the survey, the same in every
-    mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each other; none at
-    all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the scenario's.
+    planners meet the same worlds. What `planner` needs is drawn; without one, `roadmaps` that carry a spectral encoding
+    of `encodings` columns (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given
+    ground truth. `prior` are positions (domain units) and standardised values of samples taken before the survey, the
+    same in every mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each
+    other; none at all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the
+    scenario's.
     Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
     """
+    if planner is not None:
+        roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))

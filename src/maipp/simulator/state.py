@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from maipp.scenario import Scenario
 from maipp.simulator.decision import Planner
+from maipp.simulator.legs import along
 from maipp.simulator.mission import Mission
 from maipp.typing import Array, Bool, Float, Int
 
@@ -72,19 +73,6 @@ def reset(scenario: Scenario, planner: Planner, mission: Mission) -> State:
         route_time=jnp.full((m, capacity), jnp.inf, real).at[:, 0].set(0.0),
         route_length=jnp.ones(m, jnp.int32),
     )
-
-
-def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float[Array, "... 2"]:
-    """Points at given distances along a polyline, clamped to its ends (domain units)."""
-    steps = jnp.sqrt(jnp.sum((polyline[1:] - polyline[:-1]) ** 2, axis=-1))
-    position = jnp.broadcast_to(polyline[0], (*jnp.shape(distance), 2))
-    done = jnp.zeros((), polyline.dtype)
-    for i in range(polyline.shape[0] - 1):
-        share = jnp.clip((distance - done) / jnp.maximum(steps[i], 1e-12), 0.0, 1.0)[..., None]
-        # The end of an edge is that vertex exactly: a sum of edges may round to a point outside the domain.
-        position = jnp.where(share < 1.0, position + share * (polyline[i + 1] - polyline[i]), polyline[i + 1])
-        done = done + steps[i]
-    return position
 
 
 def positions(state: State, speeds: Float[Array, " m"]) -> Float[Array, "m 2"]:

@@ -123,10 +123,10 @@ NAMED: dict[str, TrainConfig] = {
     # Imitation of the receding-horizon planner, then PPO on log Tr(P), then the policy's own search.
     "default": TrainConfig(
         minibatch=64,
-        imitation=200,
+        imitation=100,
         search=48,
         search_paths=64,
-        updates=408,
+        updates=308,
         learning_rate=7e-4,
         entropy=0.01,
         evaluate_every=40,

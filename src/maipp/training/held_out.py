@@ -43,7 +43,7 @@ class HeldOutWorlds:
             self.scenario,
             seed=EVALUATION_SEED,
             instances=config.evaluate_instances,
-            encodings=self._planner.encoding_dimensions,
+            planner=self._planner,
         )
 
     def evaluate(self, network: PolicyNetwork) -> HeldOut:
