@@ -14,6 +14,7 @@ from maipp.planners.detour import long_run
 from maipp.planners.headings import bend, walk, walk_bent
 from maipp.planners.lookahead import along_paths, predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
+from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
 from maipp.planners.transit import best_transit, first_part
@@ -105,9 +106,7 @@ class LegPlanner(PlanePlanner):
         ) -> Float[Array, " c"]:
             points = self.walked(position, plans, steps) if last.ndim == 2 else walk(position, plans, steps, extent)
             taken = jnp.broadcast_to(affordable, points.shape[:-1])
-            left = self.expected(
-                *predicted(belief, points, taken, virtual_value=self.scenario.virtual_value), known, inside
-            )
+            left = self.expected(*self._after(belief, points, taken), known, inside)
             if meeting is None or remaining is None:
                 return left
             return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining, zones=self.zones))
@@ -120,6 +119,15 @@ class LegPlanner(PlanePlanner):
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
             proposals=proposals,
         )
+
+    def _after(
+        self, belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
+    ) -> tuple[Float[Array, "c q"], Float[Array, "c q"]]:
+        """Mean and variance at the query points after each plan's measurements."""
+        if self.scenario.virtual_value == "zero":
+            return predicted(belief, points, taken, virtual_value="zero")
+        variance = variance_left(belief, points, taken)
+        return jnp.broadcast_to(belief.mean, variance.shape), variance
 
     def walked(
         self, position: Float[Array, "2"], plans: Float[Array, "*c h 2"], steps: Float[Array, " h"]

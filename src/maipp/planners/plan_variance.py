@@ -1,0 +1,79 @@
+"""The variance that plans leave, and how it changes with where they measure.
+
+Searches follow that slope hundreds of times a decision, so it is written out here: what automatic differentiation
+gives, without the many small passes that it takes backwards through the factor of each plan's covariance.
+
+With R the residual covariance between a plan's measurements and the query points, W the plan's whitened rows and
+C = K(P, P) - W W^T their own covariance, the variance falls by diag(R^T C^-1 R). With A = C^-1 R and a weight g for
+every query point, the slope of the weighted fall is 2 g A in R and -A g A^T in C.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from maipp.belief import Belief, Matern32
+from maipp.planners.lookahead import virtual_measurements
+from maipp.typing import Array, Bool, Float
+
+
+@jax.custom_vjp
+def variance_left(belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]) -> Float[Array, "c q"]:
+    """Variance at the query points after each plan's measurements; differentiable in the points alone.
+
+    The same as `lookahead.predicted_variance`, measurements that are not `taken` add nothing.
+    """
+    return _forward(belief, points, taken)[0]
+
+
+class _Kept(NamedTuple):
+    """What the way back needs."""
+
+    belief: Belief
+    points: Float[Array, "c h 2"]
+    whitened: Float[Array, "c h n"]  # W
+    solved: Float[Array, "c h q"]  # A
+    left: Float[Array, "c q"]  # the variance before it is kept from falling below zero
+
+
+def _forward(
+    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
+) -> tuple[Float[Array, "c q"], _Kept]:
+    virtual = virtual_measurements(belief, points, taken)
+    left = belief.variance - jnp.sum(virtual.rows * virtual.rows, axis=1)
+    solved = jnp.einsum("chg,chq->cgq", virtual.inverse_factor, virtual.rows)
+    return jnp.maximum(left, 0.0), _Kept(belief, points, virtual.whitened, solved, left)
+
+
+def _backward(kept: _Kept, slope: Float[Array, "c q"]) -> tuple[None, Float[Array, "c h 2"], None]:
+    belief, points, whitened, solved, left = kept
+    weighted = jnp.where(left > 0, slope, 0.0)[:, None] * solved
+    residual = -2.0 * belief.effect(weighted)  # slopes in R, in C, in W and in k(P, X)
+    own = jnp.einsum("chq,cgq->chg", weighted, solved)
+    rows = -(residual @ belief.whitened_query.T) - 2.0 * own @ whitened
+    covariance = jnp.where(belief.mask, rows @ belief.inverse_factor, 0.0)
+    # A point's own variance does not depend on where it is, and every pair counts twice.
+    pairs = jax.vmap(lambda points, own: _pull(belief.kernel, points, points, 2.0 * own))(points, own)
+    pull = _pull(belief.kernel, points, belief.query, residual) + _pull(belief.kernel, points, belief.x, covariance)
+    return None, pull + pairs, None
+
+
+variance_left.defvjp(_forward, _backward)
+
+
+def _pull(
+    kernel: Matern32, points: Float[Array, "*p 2"], others: Float[Array, "o 2"], weight: Float[Array, "*p o"]
+) -> Float[Array, "*p 2"]:
+    """Slope in each point of the weighted sum of its covariances with the others.
+
+    The covariance (1 + r) exp(-r), with r the distance in units of length scale / sqrt(3), has the slope -exp(-r)
+    (point - other) in those units.
+    """
+    scale = 3.0**0.5 / jnp.asarray(kernel.length_scale, points.dtype)
+    offset = (points[..., None, :] - others) * scale
+    decay = jnp.exp(-jnp.sqrt(offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]))
+    weight = weight * decay
+    # One product, which a CPU does faster than sums along the last axis.
+    sums = weight @ jnp.concatenate([others, jnp.ones_like(others[:, :1])], axis=-1)
+    return kernel.variance * scale * scale * (sums[..., :2] - points * sums[..., 2:])
