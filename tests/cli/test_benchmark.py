@@ -39,7 +39,7 @@ def test_flags_become_the_plan(monkeypatch, tmp_path, capsys):
     assert main(["benchmark", "latency", "--out", "x", "--agents", "4", "--decisions", "7", "--batch", "9"]) == 0
     figures, latency = plans
     assert (figures.scenario.budget, figures.instances, [r.name for r in figures.rows]) == (2.0, 5, ["di-3"])
-    assert (latency.scenario.agents, latency.decisions, latency.batch, len(latency.rows)) == (4, 7, 9, 18)
+    assert (latency.scenario.agents, latency.decisions, latency.batch, len(latency.rows)) == (4, 7, 9, 17)
     assert capsys.readouterr().out == "wrote x/a\nwrote x/b\n"
 
 
