@@ -56,7 +56,8 @@ def test_up_to_the_capacity_it_is_the_same_bit_for_bit():
 @given(SEEDS)
 def test_more_slots_than_the_capacity_but_no_more_measurements_is_exact(seed):
     with jax.enable_x64(True):
-        arrays = draw(seed, 0.1)
+        x, y, mask = draw(seed, 0.1)
+        arrays = x, y, mask & (jnp.cumsum(mask) <= CAPACITY)  # one draw in some thousand has more
         belief, exact = near_(*arrays), exact_(*arrays)
         np.testing.assert_allclose(belief.mean, exact.mean, rtol=0, atol=1e-9)
         np.testing.assert_allclose(belief.variance, exact.variance, rtol=0, atol=1e-9)
@@ -77,9 +78,9 @@ def test_beyond_the_capacity_it_is_close_and_not_too_sure(seed, x64):
         assert belief.x.shape == (CAPACITY, 2)
         assert (np.asarray(belief.variance) >= exact.variance - (1e-9 if x64 else 1e-5)).all()
         np.testing.assert_allclose(belief.mean, exact.mean, atol=5e-3)
-        np.testing.assert_allclose(belief.variance, exact.variance, atol=5e-3)
+        np.testing.assert_allclose(belief.variance, exact.variance, atol=4e-3)
         found, wanted = (float(np.asarray(b.variance)[np.asarray(area)].sum()) for b in (belief, exact))
-        assert found == pytest.approx(wanted, rel=0.05)
+        assert found == pytest.approx(wanted, rel=0.03)
 
 
 @settings(max_examples=10)

@@ -58,7 +58,8 @@ def _engine_step(scenario, planner, mission, state, key, decided):
 
 @pytest.mark.parametrize("name", ["random", pytest.param("receding-horizon", marks=pytest.mark.slow)])
 def test_with_the_same_keys_random_planners_travel_as_in_the_engine(scenario, team, name):
-    options = {"horizon": 2, "candidates": 16, "elites": 2, "steps": 3, "points": 32} if "horizon" in name else {}
+    # One gradient step: the second is scaled by how slopes differ, and makes hundredths of a leg of rounding.
+    options = {"horizon": 2, "candidates": 16, "elites": 2, "steps": 1, "points": 32} if "horizon" in name else {}
     planner = make_planner(name, scenario, options)
     drawn = draw_missions(scenario, seed=4, instances=1, planner=planner)
     mission = jax.tree.map(lambda a: a[0], drawn)
@@ -71,4 +72,4 @@ def test_with_the_same_keys_random_planners_travel_as_in_the_engine(scenario, te
         simulated = np.asarray(state.route[agent][: state.route_length[agent]])
         new = np.concatenate([[True], np.hypot(*np.diff(simulated, axis=0).T) > 1e-5])
         # Rounding differs by the number of slots, and a search in the plane carries it on.
-        np.testing.assert_allclose(route, simulated[new], atol=1e-5 if name == "random" else 1e-2)
+        np.testing.assert_allclose(route, simulated[new], atol=1e-5 if name == "random" else 2e-4)

@@ -42,8 +42,8 @@ def draw(seed):
 def test_slope(kernel, seed):
     with jax.enable_x64(True):
         (x, y, mask), points, taken, weight = draw(seed)
-        near = jax.tree.map(jnp.asarray, KERNELS[kernel])
-        belief = eqx.filter_jit(condition)(near, x, y, jnp.asarray(mask), jnp.asarray(QUERY), 1e-3)
+        prior = jax.tree.map(jnp.asarray, KERNELS[kernel])
+        belief = eqx.filter_jit(condition)(prior, x, y, jnp.asarray(mask), jnp.asarray(QUERY), 1e-3)
         (value, wanted), (same, slope) = both(belief, points, taken, weight)
         assert float(value) == float(same)
         np.testing.assert_allclose(slope, wanted, rtol=1e-8, atol=1e-9)
@@ -63,7 +63,7 @@ def test_slope_with_announced_measurements_and_a_limited_belief():
 
 
 def test_a_measurement_on_top_of_another_has_a_finite_slope():
-    (x, y, mask), points, taken, weight = jax.tree.map(lambda a: jnp.asarray(a, a.dtype), draw(6))
+    (x, y, mask), points, taken, weight = draw(6)
     belief = condition(Matern32(0.45), x, y, jnp.asarray(mask), jnp.asarray(QUERY, x.dtype), 0.0)
     points, taken = points.at[0].set(x[0]), jnp.ones_like(taken)
     _, (_, slope) = both(dataclasses.replace(belief, noise=jnp.zeros(())), points, taken, weight)
