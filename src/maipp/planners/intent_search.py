@@ -62,22 +62,22 @@ class IntentSearch(PolicyPlanner, LegPlanner):
 
     @property
     def missions_per_core(self) -> int:
-        """16, as without a policy: the search in the plane is what takes the time, and chunks of 8 gained nothing."""
-        return 16
+        """As without a policy: the search in the plane is what takes the time, and chunks of 8 gained nothing."""
+        return super(PolicyPlanner, self).missions_per_core
 
     def empty_message(self) -> PyTree:
         """The announced measurements."""
-        return nothing_announced(self.horizon)
+        return nothing_announced(self.legs)
 
     def initial_memory(self) -> PyTree:
         """Nothing travelled, planned or heard."""
-        return SearchMemory(self.policy.initial_memory(), first_memory(self.horizon, self.scenario.agents))
+        return SearchMemory(self.policy.initial_memory(), first_memory(self.legs, self.scenario.agents))
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
         path_key, search_key = jax.random.split(key)
         interval, where = self.scenario.measurement_interval, observation.position
-        offsets = measurement_offsets(observation.to_next_measurement, interval, self.horizon)
+        offsets = measurement_offsets(observation.to_next_measurement, interval, self.legs)
         steps = jnp.diff(offsets, prepend=0.0)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         heard = latest(observation.heard, observation.messages, memory.legs.heard)

@@ -33,6 +33,15 @@ _LATE = 50.0
 # How far from a measurement it still tells of a point, in length scales.
 _NEAR = 0.6
 
+# Where it is not said otherwise, a team plans about so many legs in all, and each agent at least and at most so many:
+# the more agents, the sooner another's plan makes one's own out of date, and the dearer it is to count them all.
+_TEAM_LEGS, _LEGS = 20, (2, 4)
+
+# The spread trusted over fields whose length scale is at least so many measurement intervals; below, its square less.
+_SPREAD, _RESOLVED = 0.3, 2.0
+
+# Missions of more agents than this are stepped together in smaller chunks.
+_FEW = 5
 
 # A leg of less than this part of what it costs is worth looking for another one.
 _SHORT = 0.5
@@ -49,12 +58,12 @@ class FirstLeg(NamedTuple):
 class LegPlanner(PlanePlanner):
     """Finds the legs, one measurement each, with the lowest expected Tr(P)."""
 
-    horizon: int = eqx.field(static=True, default=4)  # legs planned, one measurement each
+    horizon: int | None = eqx.field(static=True, default=None)  # legs planned; None: by the number of agents
     candidates: int = eqx.field(static=True, default=128)  # random plans scored
     elites: int = eqx.field(static=True, default=8)  # of them refined by gradient
     steps: int = eqx.field(static=True, default=20)  # gradient steps
     rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians or legs
-    spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
+    spread: float | None = eqx.field(static=True, default=None)  # trust in the spread of values not yet measured
     blur: float = eqx.field(static=True, default=0.02)  # smoothing of the area's border, field units
     points: int = eqx.field(static=True, default=225)  # grid points that the search looks at
     meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
@@ -62,15 +71,29 @@ class LegPlanner(PlanePlanner):
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        for name in ("horizon", "candidates", "elites", "steps", "points"):
+        if self.horizon is not None and self.horizon < 1:
+            raise InputError(f"horizon={self.horizon}: give a whole number >= 1, or none")
+        for name in ("candidates", "elites", "steps", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
         if self.elites > self.candidates:
             raise InputError(f"elites={self.elites} is more than candidates={self.candidates}; give at most as many")
         if not self.rate > 0 or not self.blur > 0:
             raise InputError(f"rate={self.rate}, blur={self.blur}: both must be > 0")
-        if not self.spread >= 0:
-            raise InputError(f"spread={self.spread}: give a number >= 0")
+        if self.spread is not None and not self.spread >= 0:
+            raise InputError(f"spread={self.spread}: give a number >= 0, or none")
+
+    @property
+    def legs(self) -> int:
+        """Legs planned, one measurement each: `horizon`, or fewer the more agents there are."""
+        if self.horizon is not None:
+            return self.horizon
+        return min(max(_TEAM_LEGS // self.scenario.agents, _LEGS[0]), _LEGS[1])
+
+    @property
+    def missions_per_core(self) -> int:
+        """16, as by default; 4 with many agents, whose measurements fill the core's cache: a fifth faster with ten."""
+        return 16 if self.scenario.agents <= _FEW else 4
 
     def plan_legs(
         self,
@@ -215,9 +238,17 @@ class LegPlanner(PlanePlanner):
         inside: Bool[Array, " q"],
     ) -> Float[Array, "*c"]:
         """What a plan is judged by: the Tr(P) expected after it."""
+        return self.interest.expected_trace(mean, variance, known, inside, spread=self._trusted(), blur=self.blur)
+
+    def _trusted(self) -> float:
+        """The spread of values not yet measured that plans count on, in units of the belief's deviation."""
         # Who takes planned values for zero has no doubt about them.
-        spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
-        return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=self.blur)
+        if self.scenario.virtual_value == "zero":
+            return 0.0
+        if self.spread is not None:
+            return self.spread
+        resolved = self.scenario.length_scale / (_RESOLVED * self.scenario.measurement_interval)
+        return _SPREAD * min(1.0, resolved) ** 2
 
     def worth(self, belief: Belief) -> Float[Array, " q"]:
         """How uncertain the grid points are, as far as they may be of high interest."""

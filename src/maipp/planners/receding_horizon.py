@@ -56,17 +56,17 @@ class RecedingHorizon(LegPlanner):
 
     def empty_message(self) -> PyTree:
         """The announced legs; in joint form with what the others need to plan for the sender."""
-        announced = nothing_announced(self.horizon)
+        announced = nothing_announced(self.legs)
         return nothing_planned(announced) if self.joint else announced
 
     def initial_memory(self) -> PyTree:
         """The last plan, and nothing heard."""
-        return first_memory(self.horizon, self.scenario.agents)
+        return first_memory(self.legs, self.scenario.agents)
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
         heard = memory.heard
-        offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.horizon)
+        offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.legs)
         steps = jnp.diff(offsets, prepend=0.0)
         affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
         if self.joint:

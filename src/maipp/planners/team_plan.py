@@ -113,11 +113,11 @@ def _gather(
     base = jnp.where(travelling[:, None], plans.legs.points[:, 0], observation.positions)
     base = jnp.where(me[:, None], observation.position, base)
     remaining = jnp.where(planned, plans.remaining, jnp.asarray(planner.scenario.budgets))
-    others_steps = jnp.full((agents, planner.horizon), interval)
+    others_steps = jnp.full((agents, planner.legs), interval)
     within = jnp.cumsum(others_steps, axis=1) <= remaining[:, None] + DISTANCE_TOLERANCE
     # An agent continues along the legs it announced, as far as they go.
     announced = jnp.diff(plans.legs.points, axis=1) / interval
-    on = announced[:, -1:] if planner.horizon > 1 else jnp.zeros((agents, 1, 2))
+    on = announced[:, -1:] if planner.legs > 1 else jnp.zeros((agents, 1, 2))
     return _Team(
         base=base,
         steps=jnp.where(me[:, None], steps, others_steps),

@@ -24,8 +24,8 @@ _SOFTNESS = 0.02
 # Plans this much worse than the best, relative to its value, have 1/e of its say.
 _TOLERANCE = 0.08
 
-# Legs planned ahead, one measurement each.
-_HORIZON = 4
+# Legs planned ahead, one measurement each, and the trust in the spread of what they will measure.
+_HORIZON, _SPREAD = 4, 0.3
 
 
 class Lesson(NamedTuple):
@@ -49,7 +49,7 @@ def teach(
     Several plans are often all but equally good, and which one is best is an accident of the search: each has a say by
     its value, which spares the policy most of the noise of a single one.
     """
-    planner = LegPlanner(scenario, horizon=_HORIZON)
+    planner = LegPlanner(scenario, horizon=_HORIZON, spread=_SPREAD)
     interval = scenario.measurement_interval
     offsets = measurement_offsets(observation.to_next_measurement, interval, _HORIZON)
     legs = jnp.diff(offsets, prepend=0.0)
