@@ -33,11 +33,11 @@ _LATE = 50.0
 # How far from a measurement it still tells of a point, in length scales.
 _NEAR = 0.6
 
-# Where it is not said otherwise, a team plans about so many legs in all, and each agent at least and at most so many:
-# the more agents, the sooner another's plan makes one's own out of date, and the dearer it is to count them all.
+# Where it is not said otherwise, a team plans about so many legs in all, and each agent at least and at most so many
+# (docs/planners.md has the measurements behind this and the next).
 _TEAM_LEGS, _LEGS = 20, (2, 4)
 
-# The spread trusted over fields whose length scale is at least so many measurement intervals; below, its square less.
+# The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
 _SPREAD, _RESOLVED = 0.3, 2.0
 
 # Missions of more agents than this are stepped together in smaller chunks.
