@@ -44,7 +44,13 @@ def test_plans_trust_the_spread_of_fields_they_resolve(scenario, given, trusted)
     np.testing.assert_allclose(planner.expected(mean, 0.3 * known, known, inside), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("option", "value"), [("horizon", 0), ("spread", -0.1)])
+@pytest.mark.parametrize(("agents", "decisions"), [(1, 1), (5, 1), (6, 2), (10, 2)])
+def test_many_agents_plan_twice_on_the_way_of_each_leg(agents, decisions):
+    assert LegPlanner(Scenario(agents=agents)).decisions_per_leg == decisions
+    assert LegPlanner(Scenario(agents=agents), decisions=3).decisions_per_leg == 3
+
+
+@pytest.mark.parametrize(("option", "value"), [("horizon", 0), ("decisions", 0), ("spread", -0.1)])
 def test_no_legs_and_less_than_no_trust_are_refused(option, value):
     with pytest.raises(InputError, match=f"{option}={value}: .*or none"):
         make_planner("receding-horizon", Scenario(), {option: value})

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
-from maipp.planners.headings import within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import along_paths, measurement_offsets
 from maipp.planners.policy_paths import Paths, Situation
@@ -102,8 +101,8 @@ class IntentSearch(PolicyPlanner, LegPlanner):
         message = Announcement(
             leg.points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
         )
-        left = LegMemory(jnp.roll(within_leg(leg.plan), -1, axis=0), heard)
-        return Decision(leg.way, message, SearchMemory(insight.memory, left))
+        way, left = self.depart(where, leg, steps)
+        return Decision(way, message, SearchMemory(insight.memory, LegMemory(left, heard)))
 
     def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
         """The others' fused intent at the nodes: Gaussians fitted to what each has announced."""

@@ -1,7 +1,5 @@
 """Planning one agent's next legs: what every continuous receding-horizon planner does."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
@@ -11,6 +9,7 @@ from maipp.belief import Belief
 from maipp.belief.interest import upper_confidence_bound
 from maipp.errors import InputError
 from maipp.planners.detour import long_run
+from maipp.planners.first_leg import FirstLeg, depart, either, length
 from maipp.planners.headings import bend, walk, walk_bent
 from maipp.planners.lookahead import along_paths, predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
@@ -40,39 +39,34 @@ _TEAM_LEGS, _LEGS = 20, (2, 4)
 # The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
 _SPREAD, _RESOLVED = 0.3, 2.0
 
-# Missions of more agents than this are stepped together in smaller chunks.
+# More agents than this plan twice on the way of each leg, and missions of them are stepped together in smaller chunks.
 _FEW = 5
 
 # A leg of less than this part of what it costs is worth looking for another one.
 _SHORT = 0.5
 
 
-class FirstLeg(NamedTuple):
-    """What an agent that has planned travels, and what it tells of its plan."""
-
-    way: Float[Array, "2 2"]  # the bend of its first leg, and the end
-    points: Float[Array, "h 2"]  # where it means to measure
-    plan: Float[Array, "h 2"]  # the legs, displacements in units of a leg
-
-
 class LegPlanner(PlanePlanner):
     """Finds the legs, one measurement each, with the lowest expected Tr(P)."""
 
     horizon: int | None = eqx.field(static=True, default=None)  # legs planned; None: by the number of agents
+    decisions: int | None = eqx.field(static=True, default=None)  # per leg; None: by the number of agents
     candidates: int = eqx.field(static=True, default=128)  # random plans scored
     elites: int = eqx.field(static=True, default=8)  # of them refined by gradient
     steps: int = eqx.field(static=True, default=20)  # gradient steps
     rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians or legs
     spread: float | None = eqx.field(static=True, default=None)  # trust in the spread of values not yet measured
-    blur: float = eqx.field(static=True, default=0.02)  # smoothing of the area's border, field units
+    blur: float = eqx.field(static=True, default=0.005)  # smoothing of the area's border, field units
     points: int = eqx.field(static=True, default=225)  # grid points that the search looks at
     meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
     recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on what was last heard
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        if self.horizon is not None and self.horizon < 1:
-            raise InputError(f"horizon={self.horizon}: give a whole number >= 1, or none")
+        for name in ("horizon", "decisions"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise InputError(f"{name}={value}: give a whole number >= 1, or none")
         for name in ("candidates", "elites", "steps", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
@@ -89,6 +83,13 @@ class LegPlanner(PlanePlanner):
         if self.horizon is not None:
             return self.horizon
         return min(max(_TEAM_LEGS // self.scenario.agents, _LEGS[0]), _LEGS[1])
+
+    @property
+    def decisions_per_leg(self) -> int:
+        """How often an agent plans on the way of each leg: `decisions`, or twice with many agents."""
+        if self.decisions is not None:
+            return self.decisions
+        return 1 if self.scenario.agents <= _FEW else 2
 
     @property
     def missions_per_core(self) -> int:
@@ -221,14 +222,20 @@ class LegPlanner(PlanePlanner):
                 for each in (leg.points, points[0])
             )
             in_time = later <= late + 1e-6
-        leg = _either(far & in_time & (transit.rate > rate), away, leg)
+        leg = either(far & in_time & (transit.rate > rate), away, leg)
 
         # Walls on all sides can leave a plan hardly any way: better somewhere than nowhere.
         end = long_run(zones, position, steps[0], self.scenario.extent)
         run = FirstLeg(jnp.stack([end, end]), jnp.broadcast_to(end, leg.points.shape), jnp.zeros_like(leg.plan))
-        run = _either(far, away, run)
-        short = _length(position, leg.way) < _SHORT * jnp.minimum(steps[0], observation.remaining)
-        return _either(short & (_length(position, run.way) > _length(position, leg.way)), run, leg)
+        run = either(far, away, run)
+        short = length(position, leg.way) < _SHORT * jnp.minimum(steps[0], observation.remaining)
+        return either(short & (length(position, run.way) > length(position, leg.way)), run, leg)
+
+    def depart(
+        self, position: Float[Array, "2"], leg: FirstLeg, steps: Float[Array, " h"]
+    ) -> tuple[Float[Array, "2 2"], Float[Array, "h 2"]]:
+        """What an agent travels of its first leg before it plans again, and what is left of its plan then."""
+        return depart(position, leg, steps, self.scenario.measurement_interval / self.decisions_per_leg)
 
     def expected(
         self,
@@ -274,13 +281,3 @@ class LegPlanner(PlanePlanner):
         x, y = jnp.divmod(jnp.arange(count), self.scenario.grid)
         weight = weight * (1.0 + (_LATTICE[0] * x + _LATTICE[1] * y) % 1.0)
         return lax.top_k(jnp.where(inside, weight, -1.0), min(self.points, count))[1]
-
-
-def _length(start: Float[Array, "2"], way: Float[Array, "w 2"]) -> Float[Array, ""]:
-    """Of the way from `start` through these waypoints, domain units."""
-    return jnp.sum(jnp.sqrt(jnp.sum(jnp.diff(way, axis=0, prepend=start[None]) ** 2, axis=-1)))
-
-
-def _either(first: Bool[Array, ""], one: FirstLeg, other: FirstLeg) -> FirstLeg:
-    """One leg if `first`, else the other."""
-    return FirstLeg(*(jnp.where(first, a, b) for a, b in zip(one, other, strict=True)))

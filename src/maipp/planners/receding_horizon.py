@@ -8,7 +8,6 @@ import jax.numpy as jnp
 
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
-from maipp.planners.headings import within_leg
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
@@ -84,4 +83,5 @@ class RecedingHorizon(LegPlanner):
         message = Announcement(leg.points, times)
         if self.joint:
             message = TeamPlan(message, observation.remaining - steps[0])
-        return Decision(leg.way, message, LegMemory(jnp.roll(within_leg(leg.plan), -1, axis=0), heard))
+        way, left = self.depart(observation.position, leg, steps)
+        return Decision(way, message, LegMemory(left, heard))

@@ -25,7 +25,7 @@ _SOFTNESS = 0.02
 _TOLERANCE = 0.08
 
 # Legs planned ahead, one measurement each, and the trust in the spread of what they will measure.
-_HORIZON, _SPREAD = 4, 0.3
+_HORIZON, _SPREAD, _BLUR = 4, 0.3, 0.02
 
 
 class Lesson(NamedTuple):
@@ -49,7 +49,7 @@ def teach(
     Several plans are often all but equally good, and which one is best is an accident of the search: each has a say by
     its value, which spares the policy most of the noise of a single one.
     """
-    planner = LegPlanner(scenario, horizon=_HORIZON, spread=_SPREAD)
+    planner = LegPlanner(scenario, horizon=_HORIZON, spread=_SPREAD, blur=_BLUR)
     interval = scenario.measurement_interval
     offsets = measurement_offsets(observation.to_next_measurement, interval, _HORIZON)
     legs = jnp.diff(offsets, prepend=0.0)
