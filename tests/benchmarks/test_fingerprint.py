@@ -80,6 +80,17 @@ def test_code_counts_through_imports_but_not_comments_and_docstrings(package, te
     assert (code_digest.__wrapped__(("maipp.a",)) == before) is same
 
 
+def test_what_the_package_re_exports_does_not_count(package):
+    (package / "maipp.py").write_text("from maipp.c import g\n", encoding="utf-8")
+    (package / "maipp.c.py").write_text("def g():\n    return 1\n", encoding="utf-8")
+    (package / "maipp.a.py").write_text("from maipp import b\n", encoding="utf-8")
+    before = code_digest.__wrapped__(("maipp.a",))
+    (package / "maipp.c.py").write_text("def g():\n    return 2\n", encoding="utf-8")
+    assert code_digest.__wrapped__(("maipp.a",)) == before
+    (package / "maipp.b.py").write_text("def f():\n    return 2\n", encoding="utf-8")
+    assert code_digest.__wrapped__(("maipp.a",)) != before
+
+
 def test_the_engine_and_the_planner_count_and_other_planners_do_not():
     digests = {name: planner_fingerprint(make_planner(name, Scenario()))["code"] for name in ("greedy", "random")}
     assert digests["greedy"] != digests["random"]

@@ -73,12 +73,16 @@ def _source(name: str) -> Path | None:
 
 
 def _imported(name: str, path: Path) -> Iterator[str]:
-    """What a module imports, inside functions too; of the re-exports above it nothing."""
+    """What a module imports, inside functions too; of the re-exports above it nothing.
+
+    `maipp` itself re-exports the whole tool: what is taken from there counts only if it is a module.
+    """
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module
+            if node.module != "maipp":
+                yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
