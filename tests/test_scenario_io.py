@@ -181,6 +181,7 @@ WRONG = {
     "date": ("field: !!timestamp x", r"^s\.yaml:1: not valid YAML: "),
     "endless number": ("agents: " + "9" * 5000, r"^s\.yaml:1: agents: "),
     "deep": ("[" * 5000, r"^s\.yaml: nested too deeply"),
+    "deep braces": ("a: " + "{" * 101, r"^s\.yaml: nested too deeply"),
 }
 
 

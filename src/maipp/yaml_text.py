@@ -23,6 +23,9 @@ _SCALARS = (
     ),
 )
 
+# Brackets within brackets that are read.
+_DEEPEST = 100
+
 
 class Loader(yaml.SafeLoader):
     """Reads plain values; every tag of another kind is refused."""
@@ -36,6 +39,12 @@ class Loader(yaml.SafeLoader):
             *(f"tag:yaml.org,2002:{kind}" for kind in "null bool int float str seq map".split()),
         )
     }
+
+    def fetch_flow_collection_start(self, TokenClass: type[yaml.Token]) -> None:  # noqa: N803 - as PyYAML calls it
+        """Raises RecursionError beyond any depth that is meant: each level makes each token dearer to read."""
+        if self.flow_level >= _DEEPEST:
+            raise RecursionError
+        super().fetch_flow_collection_start(TokenClass)
 
 
 class _Dumper(yaml.SafeDumper):

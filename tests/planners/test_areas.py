@@ -21,6 +21,7 @@ CASES = {
     "lawnmower": ("lawnmower", {}),
     "sga-rrt": ("sga-rrt", {}),
     "receding-horizon": ("receding-horizon", LEGS),
+    "receding-horizon twice": ("receding-horizon", LEGS | {"decisions": 2}),
     "receding-horizon joint": ("receding-horizon", LEGS | {"joint": True, "sweeps": 1}),
     "sga-catnipp": ("sga-catnipp", {}),
     "di": ("di", {"paths": 4}),
