@@ -45,9 +45,10 @@ def test_the_rest_of_a_leg_goes_where_the_whole_leg_went(place, plan, share):
 def test_at_the_end_of_a_leg_the_others_are_left(plan, share):
     leg, (way, left) = departed(np.float32([0.5, 0.5]), np.float32(plan), np.float32(share))
     np.testing.assert_array_equal(way, leg.way)
-    np.testing.assert_array_equal(left[:2], leg.plan[1:])
+    np.testing.assert_allclose(left[:2], leg.plan[1:], atol=1e-30)  # subnormal numbers may come out as zero
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["receding-horizon", "intent-search"])
 def test_planning_again_on_the_way_moves_no_measurement_off_its_distance(name):
     scenario = Scenario(agents=2, budget=0.9, grid=8, nodes=24, neighbours=6)
