@@ -33,17 +33,17 @@ def walked(position, plan, steps):
 
 @given(place=st.tuples(st.floats(0.3, 0.7), st.floats(0.3, 0.7)), plan=plans, share=st.floats(0.02, 0.19))
 def test_the_rest_of_a_leg_goes_where_the_whole_leg_went(place, plan, share):
-    position = np.float32(place)
-    leg, (way, left) = departed(position, np.float32(plan), np.float32(share))
+    position = np.asarray(place, np.float32)
+    leg, (way, left) = departed(position, np.asarray(plan, np.float32), np.float32(share))
     assert np.linalg.norm(np.diff([position, *way], axis=0), axis=1).sum() == pytest.approx(share, abs=2e-6)
     assert np.linalg.norm(left[0]) <= 1 + 1e-4  # what is left of the leg is long enough
-    rest = np.float32([0.2 - share, 0.2, 0.2])
+    rest = np.asarray([0.2 - share, 0.2, 0.2], np.float32)
     np.testing.assert_allclose(walked(way[-1], left, rest), leg.points, atol=1e-5)
 
 
 @given(plan=plans, share=st.floats(0.2, 1.0))
 def test_at_the_end_of_a_leg_the_others_are_left(plan, share):
-    leg, (way, left) = departed(np.float32([0.5, 0.5]), np.float32(plan), np.float32(share))
+    leg, (way, left) = departed(np.asarray([0.5, 0.5], np.float32), np.asarray(plan, np.float32), np.float32(share))
     np.testing.assert_array_equal(way, leg.way)
     np.testing.assert_allclose(left[:2], leg.plan[1:], atol=1e-30)  # subnormal numbers may come out as zero
 
