@@ -33,6 +33,11 @@ FOUND = {
         with_header("{'descr': '<,nan', 'fortran_order': False, 'shape': (3, 4), }"),
         "damaged or cut short",
     ),
+    "more rows than memory, and no columns": (
+        "raster-npy",
+        with_header(f"{{'descr': '<i2', 'fortran_order': True, 'shape': ({2**31}, 0), }}"),
+        f"at least 2 x 2 values, this one is {2**31} x 0",
+    ),
     "more rows than a machine counts": (
         "raster-npy",
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999, 3), }"),

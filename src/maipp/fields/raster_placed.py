@@ -16,6 +16,8 @@ def without_coordinates(
     if values.ndim != 2:
         raise InputError(f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions")
     rows, cols = values.shape
+    if not values.size:  # the other side may be of any length, and coordinates for it fill the memory
+        raise InputError(f"{path}: a raster needs at least 2 x 2 values, this one is {rows} x {cols}")
     if extent is None:
         x, y = np.arange(cols, dtype=float), np.arange(rows, dtype=float)
     else:
