@@ -50,7 +50,7 @@ def test_many_agents_plan_twice_on_the_way_of_each_leg(agents, decisions):
     assert LegPlanner(Scenario(agents=agents), decisions=3).decisions_per_leg == 3
 
 
-@pytest.mark.parametrize(("option", "value"), [("horizon", 0), ("decisions", 0), ("spread", -0.1)])
+@pytest.mark.parametrize(("option", "value"), [("horizon", 0), ("decisions", 0), ("decisions", 5), ("spread", -0.1)])
 def test_no_legs_and_less_than_no_trust_are_refused(option, value):
     with pytest.raises(InputError, match=f"{option}={value}: .*or none"):
         make_planner("receding-horizon", Scenario(), {option: value})

@@ -73,17 +73,14 @@ def _source(name: str) -> Path | None:
 
 
 def _imported(name: str, path: Path) -> Iterator[str]:
-    """What a module imports, inside functions too; of the re-exports above it nothing.
-
-    `maipp` itself re-exports the whole tool: what is taken from there counts only if it is a module.
-    """
+    """What a module imports, inside functions too; of the re-exports above a module nothing."""
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            if node.module != "maipp":
-                yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            for alias in node.names:
+                module = f"{node.module}.{alias.name}"
+                yield module if _source(module) else node.module
 
 
 def _bare(path: Path | None) -> bytes:

@@ -38,9 +38,7 @@ class RasterData:
 
     def __post_init__(self) -> None:
         values = numeric(self.values, self.source, self.value_name or "value")
-        if values.ndim != 2 or min(values.shape) < 2:
-            shape = " x ".join(map(str, values.shape)) or "a single number"
-            raise InputError(f"{self.source}: a raster needs at least 2 x 2 values, this one is {shape}")
+        check_size(values, self.source)
         x = numeric(self.x, self.source, self.x_name or "x")
         y = numeric(self.y, self.source, self.y_name or "y")
         if (y.shape, x.shape) != (values.shape[:1], values.shape[1:]):
@@ -121,6 +119,13 @@ def choose(candidates: list[str], value: str | None, where: str, what: str) -> s
     if not candidates:
         raise InputError(f"{where}no {what} in it")
     raise InputError(f"{where}more than one {what} ({listed}); choose one with value=NAME")
+
+
+def check_size(values: np.ndarray, source: str) -> None:
+    """Raise InputError for fewer than 2 x 2 values."""
+    if values.ndim != 2 or min(values.shape) < 2:
+        shape = " x ".join(map(str, values.shape)) or "a single number"
+        raise InputError(f"{source}: a raster needs at least 2 x 2 values, this one is {shape}")
 
 
 def numeric(array: np.ndarray, source: str, name: str) -> Float[np.ndarray, "..."]:

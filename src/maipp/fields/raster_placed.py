@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.fields.raster_data import RasterData, gaps_in
+from maipp.fields.raster_data import RasterData, check_size, gaps_in
 
 
 def without_coordinates(
@@ -16,8 +16,7 @@ def without_coordinates(
     if values.ndim != 2:
         raise InputError(f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions")
     rows, cols = values.shape
-    if not values.size:  # the other side may be of any length, and coordinates for it fill the memory
-        raise InputError(f"{path}: a raster needs at least 2 x 2 values, this one is {rows} x {cols}")
+    check_size(values, str(path))  # before its coordinates: an array without columns may have any number of rows
     if extent is None:
         x, y = np.arange(cols, dtype=float), np.arange(rows, dtype=float)
     else:

@@ -42,6 +42,9 @@ _SPREAD, _RESOLVED = 0.3, 2.0
 # More agents than this plan twice on the way of each leg, and missions of them are stepped together in smaller chunks.
 _FEW = 5
 
+# Half of what the record of a route has room for: among zones, legs may be short.
+_MOST_DECISIONS = 4
+
 # A leg of less than this part of what it costs is worth looking for another one.
 _SHORT = 0.5
 
@@ -63,10 +66,10 @@ class LegPlanner(PlanePlanner):
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        for name in ("horizon", "decisions"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise InputError(f"{name}={value}: give a whole number >= 1, or none")
+        if self.horizon is not None and self.horizon < 1:
+            raise InputError(f"horizon={self.horizon}: give a whole number >= 1, or none")
+        if self.decisions is not None and not 1 <= self.decisions <= _MOST_DECISIONS:
+            raise InputError(f"decisions={self.decisions}: give a whole number from 1 to {_MOST_DECISIONS}, or none")
         for name in ("candidates", "elites", "steps", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")

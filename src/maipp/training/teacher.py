@@ -24,7 +24,8 @@ _SOFTNESS = 0.02
 # Plans this much worse than the best, relative to its value, have 1/e of its say.
 _TOLERANCE = 0.08
 
-# Legs planned ahead, one measurement each, and the trust in the spread of what they will measure.
+# Legs planned ahead, one measurement each, the trust in the spread of what they will measure, and
+# the smoothing of the area's border: those of the teacher that the shipped weights had.
 _HORIZON, _SPREAD, _BLUR = 4, 0.3, 0.02
 
 
