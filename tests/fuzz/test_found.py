@@ -38,6 +38,11 @@ FOUND = {
         with_header(f"{{'descr': '<i2', 'fortran_order': True, 'shape': ({2**31}, 0), }}"),
         f"at least 2 x 2 values, this one is {2**31} x 0",
     ),
+    "more rows than memory, of empty words": (
+        "raster-npy",
+        with_header(f"{{'descr': '|S0', 'fortran_order': False, 'shape': ({2**31}, 2), }}"),
+        "not real numbers",
+    ),
     "more rows than a machine counts": (
         "raster-npy",
         with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999, 3), }"),

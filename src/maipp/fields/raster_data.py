@@ -131,9 +131,14 @@ def check_size(values: np.ndarray, source: str) -> None:
 def numeric(array: np.ndarray, source: str, name: str) -> Float[np.ndarray, "..."]:
     """The array as float64; InputError if it holds anything but real numbers."""
     array = np.asarray(array)
+    check_real(array, source, name)
+    return array.astype(np.float64)
+
+
+def check_real(array: np.ndarray, source: str, name: str) -> None:
+    """Raise InputError if the array holds anything but real numbers."""
     if array.dtype.kind not in "biuf":
         raise InputError(f"{source}: '{name}' holds {array.dtype}, not real numbers")
-    return array.astype(np.float64)
 
 
 def _check_monotonic(axis: Float[np.ndarray, " n"], name: str, source: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.fields.raster_data import RasterData, check_size, gaps_in
+from maipp.fields.raster_data import RasterData, check_real, check_size, gaps_in
 
 
 def without_coordinates(
@@ -16,7 +16,9 @@ def without_coordinates(
     if values.ndim != 2:
         raise InputError(f"{path}: a raster is a 2-D array (rows, columns), this one has {values.ndim} dimensions")
     rows, cols = values.shape
-    check_size(values, str(path))  # before its coordinates: an array without columns may have any number of rows
+    # Before the coordinates: what takes no room, no columns or empty words, may have any number of rows.
+    check_real(values, str(path), value_name or "value")
+    check_size(values, str(path))
     if extent is None:
         x, y = np.arange(cols, dtype=float), np.arange(rows, dtype=float)
     else:
