@@ -61,6 +61,7 @@ def most_telling(
     `spaced` is their `spacing`; `reach` (domain units, > 0) is how far around the box nearness makes no difference.
     """
     x, low, high = (lax.stop_gradient(a) for a in (x, low, high))
-    beyond = jnp.maximum(jnp.maximum(low - x, x - high), 0.0)
-    distance = jnp.sqrt(jnp.sum(beyond * beyond, axis=-1)) + reach
+    # Axis by axis: a sum along a last axis of two does not vectorise on a CPU.
+    across, along = (jnp.maximum(jnp.maximum(low[i] - x[:, i], x[:, i] - high[i]), 0.0) for i in (0, 1))
+    distance = jnp.sqrt(across * across + along * along) + reach
     return lax.top_k(jnp.where(mask, spaced / distance**_POWER, -1.0), count)[1]

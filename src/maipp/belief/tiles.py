@@ -104,12 +104,14 @@ def _predict(
 
 def _factors(gram: Float[Array, "t k k"], own: Float[Array, "t k"], prior: Float[Array, ""]) -> Float[Array, "t k k"]:
     """Cholesky factors of the tiles' covariances, `own` added to the diagonal and a nugget where float32 needs it."""
-    identity = jnp.eye(gram.shape[-1], dtype=gram.dtype)
+    diagonal = jnp.eye(gram.shape[-1], dtype=bool)
     small, large = (nugget * prior if gram.dtype == jnp.float32 else 0.0 * prior for nugget in _NUGGETS)
 
     def factor(nugget: Array) -> Float[Array, "t k k"]:
-        return jnp.linalg.cholesky(gram + (own + nugget)[:, :, None] * identity)
+        covariance = jnp.where(diagonal, gram + (own + nugget)[:, :, None], gram)
+        return lax.linalg.cholesky(covariance, symmetrize_input=False)  # it is symmetric
 
     first = factor(small)
-    fails = ~jnp.isfinite(first).all(axis=(1, 2), keepdims=True)
+    # What could not be factored is NaN all over, so the diagonal tells.
+    fails = ~jnp.isfinite(jnp.diagonal(first, axis1=1, axis2=2)).all(axis=1)[:, None, None]
     return lax.cond(fails.any(), lambda: jnp.where(fails, factor(large), first), lambda: first)
