@@ -2,10 +2,15 @@
 
 import os
 
-# XLA's thread pool has one thread per core. A loop that runs on a device holds its thread while it waits for the
-# loop body, so with as many devices as threads all of them can end up waiting (seen with jaxlib 0.10: a Cholesky
-# inside a while loop on two devices of a two-core machine never returned). XLA reads the pool's size from NPROC.
-_THREADS_PER_DEVICE = 4
+# XLA's thread pool has one thread per core. A program holds a thread of it while it waits for its own parts, so with as
+# many devices as threads all of them can end up waiting (seen with jaxlib 0.10: missions on two devices of a two-core
+# machine never returned; with three threads all did). A sum over devices holds another one while it waits for the
+# other devices, and one must be left to work. More threads only get in each other's way. XLA reads the number from NPROC.
+_THREADS_PER_DEVICE, _SPARE_THREADS = 2, 1
+
+# Each device already keeps a core busy. Letting matrix products spread over all cores only adds waiting, and so does
+# cutting loops over a few thousand numbers into one piece per thread, each of which takes less than handing it over.
+_FLAGS = ("--xla_cpu_multi_thread_eigen=false", "--xla_disable_hlo_passes=cpu-parallel-task-assigner")
 
 _configured = False
 
@@ -20,15 +25,15 @@ def use_all_cores(cores: int | None = None) -> None:
         return
     if cores is None:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), _THREADS_PER_DEVICE * cores))
+    threads = _THREADS_PER_DEVICE * cores + _SPARE_THREADS
+    os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), threads))
     # The Cholesky factors come from OpenBLAS, whose own threads would spin against the devices (measured: 12 times
     # slower). It reads this when it is loaded, so it works for the command line, and for a library user who calls
     # this function before importing SciPy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Each device already keeps a core busy; letting every matrix product spread over all cores only adds waiting.
     flags = os.environ.get("XLA_FLAGS", "")
-    if "xla_cpu_multi_thread_eigen" not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_multi_thread_eigen=false".strip()
+    added = [flag for flag in _FLAGS if flag.split("=")[0] not in flags]
+    os.environ["XLA_FLAGS"] = " ".join([flags, *added]).strip()
     import jax
 
     jax.config.update("jax_num_cpu_devices", cores)
