@@ -5,7 +5,7 @@ import os
 # XLA's thread pool has one thread per core. A program holds a thread of it while it waits for its own parts, so with as
 # many devices as threads all of them can end up waiting (seen with jaxlib 0.10: missions on two devices of a two-core
 # machine never returned; with three threads all did). A sum over devices holds another one while it waits for the
-# other devices, and one must be left to work. More threads only get in each other's way. XLA reads the number from NPROC.
+# other devices, and one must be left to work. More only get in each other's way. XLA reads their number from NPROC.
 _THREADS_PER_DEVICE, _SPARE_THREADS = 2, 1
 
 # Each device already keeps a core busy. Letting matrix products spread over all cores only adds waiting, and so does
