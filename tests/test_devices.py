@@ -6,6 +6,9 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
+
+CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
 SETTINGS = ("NPROC", "OPENBLAS_NUM_THREADS", "XLA_FLAGS")
 FLAGS = "--xla_cpu_multi_thread_eigen=false --xla_disable_hlo_passes=cpu-parallel-task-assigner"
 REPORT = """
@@ -40,9 +43,8 @@ def test_without_it_missions_run_on_one_device():
 
 
 def test_every_core_becomes_a_device():
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     found = run("from maipp.devices import use_all_cores; use_all_cores()")
-    assert found["devices"] == found["missions"] == cores
+    assert found["devices"] == found["missions"] == len(CORES)
 
 
 def test_the_number_of_cores_may_be_given_and_the_first_call_counts():
@@ -117,6 +119,7 @@ def test_loops_are_not_cut_into_pieces_for_threads():
     run(code)
 
 
+@pytest.mark.skipif(len(CORES) < 2, reason="XLA cuts nothing for a single core")
 def test_loops_would_be_cut_without_the_flag():
     code = """
     from maipp.devices import use_all_cores
