@@ -2,14 +2,13 @@
 
 import os
 
-# XLA's thread pool has one thread per core. A program holds a thread of it while it waits for its own parts, so with as
-# many devices as threads all of them can end up waiting (seen with jaxlib 0.10: missions on two devices of a two-core
-# machine never returned; with three threads all did). A sum over devices holds another one while it waits for the
-# other devices, and one must be left to work. More only get in each other's way. XLA reads their number from NPROC.
+# XLA's thread pool has one thread per core. With as many devices as threads all of them can end up waiting for each
+# other (seen with jaxlib 0.10: missions on two devices never returned with two threads, and did with three). Training
+# sums over devices: there is room for one more waiting thread each. More gained nothing. XLA reads NPROC.
 _THREADS_PER_DEVICE, _SPARE_THREADS = 2, 1
 
-# Each device already keeps a core busy. Letting matrix products spread over all cores only adds waiting, and so does
-# cutting loops over a few thousand numbers into one piece per thread, each of which takes less than handing it over.
+# Each device already keeps a core busy: letting matrix products spread over all cores only adds waiting, and so does
+# cutting small loops into one piece per thread.
 _FLAGS = ("--xla_cpu_multi_thread_eigen=false", "--xla_disable_hlo_passes=cpu-parallel-task-assigner")
 
 _configured = False
