@@ -28,7 +28,7 @@ from maipp.simulator.run import chunk_size
 from maipp.typing import Float, Key
 
 # Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose.
-_BLOCKS_PER_PART = 20
+_BLOCKS_PER_PART = 40
 
 # Mixed into the seed for the planner's randomness, so that it shares no key with the instances 0, 1, 2...
 _PLANNER_STREAM = 0xFFFFFFFF

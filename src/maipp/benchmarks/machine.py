@@ -1,11 +1,12 @@
 """What a measurement ran on: without it neither its times nor its last digits mean much."""
 
 import importlib.metadata
-import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from maipp.devices import cores_here
 
 PACKAGES = ("maipp", "jax", "jaxlib", "equinox", "numpy")
 
@@ -34,7 +35,7 @@ def cpu_model() -> str:
 
 def cores() -> int:
     """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(cores_here())
 
 
 def machine() -> dict[str, Any]:
@@ -62,6 +63,12 @@ def made_on(machine: Mapping[str, Any], versions: Mapping[str, str]) -> str:
         f"({devices}), {machine['precision']}, maipp {versions['maipp']}, jax {versions['jax']}, "
         f"Python {versions['python']}"
     )
+
+
+def device_time(seconds: float, what: str) -> str:
+    """As `wall_time`, where seconds on several devices count several times."""
+    minutes = f"{seconds / 60:.1f} minutes for {what}"
+    return f"*Wall time times devices, which does not regenerate: {minutes}; on a CPU a device is a core.*"
 
 
 def wall_time(seconds: float, what: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from maipp.benchmarks import paper
 from maipp.benchmarks.cells import CellResult
 from maipp.benchmarks.evaluate import summarise
-from maipp.benchmarks.machine import made_on, wall_time
+from maipp.benchmarks.machine import device_time, made_on
 from maipp.benchmarks.paired import paired
 from maipp.benchmarks.planner_table import METRICS, mean_and_error
 from maipp.benchmarks.table_run import Line, Sample
@@ -37,8 +37,8 @@ def table_page(
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
     blocks.append(f"```sh\n{command(table, lines, sample, out, reference)}\n```")
-    seconds = sum(result.wall_s for result in _results(lines))
-    blocks += [_made_on(lines), wall_time(seconds, "the cells above")]
+    seconds = sum(result.wall_s * result.machine["devices"] for result in _results(lines))
+    blocks += [_made_on(lines), device_time(seconds, "the cells above")]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 from maipp.benchmarks.cells import Cell, CellResult
 from maipp.benchmarks.table_rows import Row
+from maipp.benchmarks.table_workers import fill_by_workers
 from maipp.benchmarks.tables import Part, TableSpec
 from maipp.errors import InputError
 
-# Cell, its number among those to compute, how many these are, and its missions done.
+# Cell, its number among those to compute, how many these are, and its missions done: 0 when it begins, all at last.
 Report = Callable[[Cell, int, int, int], None]
 
 
@@ -56,17 +57,28 @@ def share(every: Sequence[Cell], process: int, processes: int) -> list[Cell]:
     return [one for i, one in enumerate(every) if min(i % (2 * processes), ~i % (2 * processes)) == process]
 
 
-def fill(every: Sequence[Cell], folder: Path, report: Report | None = None) -> int:
+def fill(every: Sequence[Cell], folder: Path, report: Report | None = None, *, workers: int = 0) -> int:
     """Compute and keep the cells that the folder lacks; gives how many these were.
 
-    An interrupt loses the cell it meets, no other. Raises `InputError` for a bad option before any work, and where a
-    file cannot be written.
+    `workers` is how many processes share the work, on a core each; 0: this process does it, on all devices that
+    missions shard over. The numbers are the same up to rounding. An interrupt loses the cells it meets, no other.
+    Raises `InputError` for a bad option before any work, where a file cannot be written, and where a worker was killed.
     """
     missing = [one for one in every if one.load(folder) is None]
+
+    def tell(number: int, missions: int) -> None:
+        if report is not None:
+            report(missing[number], number, len(missing), missions)
+
+    if workers and missing:
+        fill_by_workers(missing, folder, workers, tell)
+        return len(missing)
     for number, one in enumerate(missing):
-        # Another process may have filled it since.
+        tell(number, 0)
+        # Another machine may have filled it since.
         if one.load(folder) is None:
-            one.save(one.compute(_progress(report, one, number, len(missing))), folder)
+            one.save(one.compute(lambda missions, _, number=number: tell(number, missions)), folder)
+        tell(number, one.instances * one.trials)
     return len(missing)
 
 
@@ -80,10 +92,3 @@ def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
             if len(results) == len(found):
                 lines.append(Line(row, part, results))
     return lines
-
-
-def _progress(report: Report | None, one: Cell, number: int, count: int) -> Callable[[int, int], None] | None:
-    if report is None:
-        return None
-    report(one, number, count, 0)
-    return lambda missions, _: report(one, number, count, missions)

@@ -1,5 +1,6 @@
 """`maipp benchmark table1` to `table4`: the paper's tables, with baselines that they lack."""
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -11,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.table_files import write_table
 from maipp.benchmarks.table_run import Sample, cells, fill, share
+from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
 from maipp.errors import InputError
 from maipp.planners.options import unknown
@@ -48,6 +50,10 @@ class TableFlags:
 
     processes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
     """processes in all"""
+
+    workers: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """processes on this machine, a core each, 0 for this one alone on all devices; left out: one per core, fewer where
+    memory is short, and 0 where there is an accelerator"""
 
     table: ClassVar[str]
 
@@ -95,13 +101,18 @@ def run(flags: TableFlags) -> int:
         raise InputError("--process-id and --processes: only one is given; give both, or neither")
     if flags.processes is not None and flags.process_id is not None:
         every = share(every, flags.process_id, flags.processes)
+    if flags.workers is not None and flags.workers < 0:
+        raise InputError(f"--workers: {flags.workers} is negative; give a whole number >= 0")
+    workers = default_workers() if flags.workers is None else flags.workers
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    begun = time.monotonic()
     try:
-        computed = _fill(table, every, flags.out, sample, notes)
+        computed = _fill(table, every, flags.out, workers, notes)
     except KeyboardInterrupt:
         notes.print("interrupted; the same command goes on with the cells that are missing")
         return INTERRUPTED
-    notes.print(f"{len(every)} cells: {computed} computed, {len(every) - computed} found in {flags.out}")
+    minutes = f" in {(time.monotonic() - begun) / 60:.1f} minutes" if computed else ""
+    notes.print(f"{len(every)} cells: {computed} computed{minutes}, {len(every) - computed} found in {flags.out}")
     if flags.processes is not None:
         return 0
     for path in write_table(table, flags.out, sample, reference):
@@ -123,7 +134,7 @@ def _sample(flags: TableFlags) -> Sample:
     return Sample(flags.instances or 30, flags.trials or trials, flags.seed)
 
 
-def _fill(table: TableSpec, every: list[Cell], folder: Path, sample: Sample, notes: Console) -> int:
+def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes: Console) -> int:
     """Compute what is missing, with a bar, or a line for each cell where there is no terminal."""
     with Progress(
         TextColumn("{task.description}"),
@@ -135,15 +146,16 @@ def _fill(table: TableSpec, every: list[Cell], folder: Path, sample: Sample, not
         disable=not notes.is_terminal,
     ) as bar:
         task = bar.add_task(table.name, total=None)
+        shares: dict[int, float] = {}  # of each cell begun, how much is done
 
         def report(cell: Cell, number: int, count: int, missions: int) -> None:
             """Show where the work is."""
-            done = missions / (cell.instances * cell.trials)
-            bar.update(task, total=count, completed=number + done, description=_words(cell))
             if not notes.is_terminal and missions == 0:
-                notes.print(f"cell {number + 1} of {count}: {_words(cell)}")
+                notes.print(f"cell {len(shares) + 1} of {count}: {_words(cell)}")
+            shares[number] = missions / (cell.instances * cell.trials)
+            bar.update(task, total=count, completed=sum(shares.values()), description=_words(cell))
 
-        return fill(every, folder, report)
+        return fill(every, folder, report, workers=workers)
 
 
 def _words(cell: Cell) -> str:

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,7 +18,7 @@ from maipp.simulator.decision import Planner
 from maipp.simulator.engine import step
 from maipp.simulator.mission import Mission
 from maipp.simulator.state import State, reset
-from maipp.typing import Array, Int, Key, Keys
+from maipp.typing import Array, Bool, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
 ACCELERATOR_CHUNK = 4096
@@ -33,29 +34,74 @@ def chunk_size(planner: Planner) -> int:
     return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
 
 
-def _run_chunk(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys) -> State:
-    """Final states of missions stepped together until the last has stopped."""
-    state = jax.vmap(partial(reset, scenario, planner))(missions)
+class _Lanes(NamedTuple):
+    """The missions that a device steps together, and those it is done with."""
+
+    number: Int[Array, " l"]  # which of the device's n missions each lane has; n where none is left for it
+    new: Bool[Array, " l"]  # lanes whose mission has not begun
+    state: State  # leading axis l
+    waiting: Int[Array, ""]  # the first mission that no lane has taken up
+    final: State  # leading axis n
+
+
+def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys, lanes: int) -> State:
+    """Final states of n missions, `lanes` of them stepped together; a lane whose mission has ended takes the next.
+
+    So no mission waits for the longest of those that it began with; only the last ones do.
+    """
+    count = batch_size(missions)
+    begin = jax.vmap(partial(reset, scenario, planner))
     advance = jax.vmap(partial(step, scenario, planner))
-    return lax.while_loop(lambda state: jnp.any(state.active), lambda state: advance(missions, state, keys), state)
+    # Taking up missions copies the worlds of all lanes: too much for every step of an accelerator's thousands of lanes.
+    enough = max(1, lanes // 16)
+
+    def travel(lane: _Lanes) -> _Lanes:
+        """Begin what is new, and step until missions have ended: enough of them, or all where none waits."""
+        mission, key = jax.tree.map(lambda a: a[jnp.minimum(lane.number, count - 1)], (missions, keys))
+        state = jax.tree.map(lambda a, b: jnp.where(_like(lane.new, a), a, b), begin(mission), lane.state)
+
+        def over(state: State) -> Bool[Array, " l"]:
+            return (lane.number < count) & ~jnp.any(state.active, axis=-1)
+
+        def travelling(state: State) -> Bool[Array, ""]:
+            relief = (lane.waiting < count) & (jnp.sum(over(state)) >= enough)
+            return jnp.any(state.active) & ~relief
+
+        state = lax.while_loop(travelling, lambda state: advance(mission, state, key), state)
+        return put_away(lane._replace(state=state), over(state))
+
+    def put_away(lane: _Lanes, over: Bool[Array, " l"]) -> _Lanes:
+        """Keep the states of the missions that are over, and give their lanes the next ones."""
+        slot = jnp.where(over, lane.number, count)  # what is written beyond the last is dropped
+        final = jax.tree.map(lambda all, one: all.at[slot].set(one, mode="drop"), lane.final, lane.state)
+        number = jnp.where(over, jnp.minimum(lane.waiting + jnp.cumsum(over) - 1, count), lane.number)
+        waiting = jnp.minimum(lane.waiting + jnp.sum(over), count)
+        return _Lanes(number, over & (number < count), lane.state, waiting, final)
+
+    state = begin(jax.tree.map(lambda a: a[:lanes], missions))
+    final = jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), state)
+    lane = _Lanes(jnp.arange(lanes), jnp.zeros(lanes, bool), state, jnp.asarray(lanes), final)
+    return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
+
+
+def _like(mask: Bool[Array, " l"], array: Array) -> Bool[Array, "l *ones"]:
+    """The mask with as many axes as the array."""
+    return mask.reshape(-1, *[1] * (array.ndim - 1))
 
 
 @eqx.filter_jit
 def _run_sharded(
-    scenario: Scenario, planner: Planner, missions: Mission, key: Key, first: Int[Array, ""], devices: int, chunk: int
+    scenario: Scenario, planner: Planner, missions: Mission, key: Key, first: Int[Array, ""], devices: int, lanes: int
 ) -> State:
-    """Final states; the batch is padded with its last mission to a multiple of devices * chunk."""
+    """Final states; the batch is padded with its last mission to a multiple of the devices."""
     arrays, static = eqx.partition(planner, eqx.is_array)
     count = batch_size(missions)
-    padded = math.ceil(count / (devices * chunk)) * devices * chunk
+    padded = math.ceil(count / devices) * devices
     index = jnp.minimum(jnp.arange(padded), count - 1)
     keys = jax.vmap(partial(jax.random.fold_in, key))(first + index)
 
     def per_device(arrays: Planner, missions: Mission, keys: Keys) -> State:
-        local = eqx.combine(arrays, static)
-        chunked = jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), (missions, keys))
-        final = lax.map(lambda pair: _run_chunk(scenario, local, *pair), chunked)
-        return jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), final)
+        return _run_lanes(scenario, eqx.combine(arrays, static), missions, keys, lanes)
 
     mesh = Mesh(np.asarray(missions_devices()[:devices]), ("missions",))
     split, whole = PartitionSpec("missions"), PartitionSpec()

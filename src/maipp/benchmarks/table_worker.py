@@ -1,0 +1,56 @@
+"""A process that computes cells on a core of its own. It imports JAX only once it is on that core."""
+
+import signal
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import NamedTuple
+
+from maipp.devices import use_one_core
+from maipp.errors import InputError
+
+
+class Progress(NamedTuple):
+    """How far the cell under way is; of as many missions as it has when it is done and kept."""
+
+    missions: int
+
+
+class Done(NamedTuple):
+    """The cell is kept."""
+
+
+class Failed(NamedTuple):
+    """The cell cannot be computed."""
+
+    reason: str
+    by_input: bool  # an `InputError`, and the reason its words; otherwise the reason is a traceback
+
+
+def work(channel: Connection, folder: Path, core: int | None) -> None:
+    """Compute the cells that come through the channel and keep them in the folder, until the channel is closed.
+
+    Answers with `Progress`, and then `Done` or `Failed`.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C meets the whole group; the parent ends its workers
+    use_one_core(core)
+    try:
+        while True:
+            _compute(channel, folder)
+    except (EOFError, BrokenPipeError):  # the parent is gone, or needs no more
+        return
+
+
+def _compute(channel: Connection, folder: Path) -> None:
+    cell = channel.recv()
+    try:
+        if cell.load(folder) is None:  # another machine may have filled it since
+            cell.save(cell.compute(lambda missions, _: channel.send(Progress(missions))), folder)
+        answer: Done | Failed = Done()
+    except BrokenPipeError:
+        raise
+    except InputError as error:
+        answer = Failed(str(error), by_input=True)
+    except Exception:
+        answer = Failed(traceback.format_exc(), by_input=False)
+    channel.send(answer)
