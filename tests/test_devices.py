@@ -55,6 +55,20 @@ def test_the_number_of_cores_may_be_given_and_the_first_call_counts():
     assert found["XLA_FLAGS"] == FLAGS
 
 
+def test_a_process_of_one_core_stays_on_it_with_one_thread():
+    """Whatever its parent asked for, which has all cores."""
+    code = """
+    import os
+    from maipp.devices import cores_here, use_one_core
+    last = cores_here()[-1]
+    use_one_core(last)
+    assert not hasattr(os, "sched_getaffinity") or cores_here() == [last]
+    """
+    found = run(code, NPROC="9")
+    assert found["devices"] == found["missions"] == 1
+    assert found["NPROC"] == "1" and found["OPENBLAS_NUM_THREADS"] == "1" and found["XLA_FLAGS"] == FLAGS
+
+
 def test_what_the_user_set_stays():
     code = "from maipp.devices import use_all_cores; use_all_cores(2)"
     flags = "--xla_cpu_multi_thread_eigen=true --xla_disable_hlo_passes=dce"
@@ -89,11 +103,12 @@ def test_too_late_a_call_is_an_error():
     assert (found["devices"], found["missions"]) == (1, 1)
 
 
-def test_missions_run_on_all_devices_of_a_process_that_asked_for_them():
-    """The case that hung with a thread pool of one thread per device."""
-    code = """
-    from maipp.devices import use_all_cores
-    use_all_cores(2)
+@pytest.mark.parametrize(("call", "devices"), [("use_all_cores(2)", 2), ("use_one_core()", 1)])
+def test_missions_run_on_all_devices_of_a_process_that_asked_for_them(call, devices):
+    """Two devices hung with a thread pool of one thread per device; one device does not."""
+    code = f"""
+    from maipp.devices import use_all_cores, use_one_core
+    {call}
     import jax
     from maipp.planners.greedy import Greedy
     from maipp.scenario import Scenario
@@ -102,9 +117,9 @@ def test_missions_run_on_all_devices_of_a_process_that_asked_for_them():
     missions = draw_missions(scenario, seed=0, instances=4)
     states = run_missions(scenario, Greedy(scenario), missions, jax.random.key(0))
     assert not states.active.any()
-    assert len(states.route.sharding.device_set) == 2
+    assert len(states.route.sharding.device_set) == {devices}
     """
-    assert run(code)["missions"] == 2
+    assert run(code)["missions"] == devices
 
 
 @pytest.mark.skipif(len(CORES) < 2, reason="XLA cuts nothing for a single core")

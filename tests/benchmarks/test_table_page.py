@@ -67,7 +67,7 @@ def test_the_wall_time_is_on_a_line_of_its_own(table, lines):
         return table_page(table, slow, SAMPLE, out="run", reference="ti-5-star").splitlines()
 
     differing = [a for a, b in zip(page(60.0), page(600.0), strict=True) if a != b]
-    assert len(differing) == 1 and differing[0].startswith("*Wall time, which does not regenerate:")
+    assert len(differing) == 1 and differing[0].startswith("*Wall time times devices, which does not regenerate:")
 
 
 def test_every_mission_is_one_line_of_csv(table, lines):

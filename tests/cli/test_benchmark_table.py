@@ -6,7 +6,8 @@ from maipp.benchmarks import cells as cells_module
 from maipp.benchmarks import tables
 from maipp.cli.main import main
 
-SMALL = ["--instances", "2", "--trials", "2"]
+HERE = ["--workers", "0"]  # in this process, where tests can reach in
+SMALL = ["--instances", "2", "--trials", "2", *HERE]
 FILES = ["table4.csv.gz", "table4.md", "table4.png"]
 
 
@@ -90,6 +91,7 @@ def test_an_interrupt_is_told_and_gone_on_from(tmp_path, capsys, monkeypatch):
         (["--instances", "0"], "error: --instances: 0 is not a number of instances"),
         (["--seed", "-1"], "error: --seed: -1 is negative"),
         (["--processes", "2"], "error: --process-id and --processes: only one is given"),
+        (["--workers", "-1"], "error: --workers: -1 is negative"),
         (["--process-id", "2", "--processes", "2"], "error: --process-id: 2 is none of 2"),
     ],
 )

@@ -105,6 +105,48 @@ def test_chunks_and_devices_do_not_matter(missions, together, monkeypatch, chunk
     assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
 
 
+def test_thousands_of_lanes_wait_for_each_other_and_nothing_changes(monkeypatch):
+    """With 32 lanes two missions must have ended before any lane takes up another."""
+    many = draw_missions(SCENARIO, seed=1, instances=64, roadmaps=False)
+    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
+    ended = []
+    for lanes in (32, 5):
+        monkeypatch.setattr(run, "chunk_size", lambda planner, lanes=lanes: lanes)
+        ended.append(run_missions(SCENARIO, drift(), many, KEY))
+    assert_close(*ended)
+
+
+class Counted(Drift):
+    """Counts how often lanes are stepped, whether their mission has ended or not."""
+
+    steps: ClassVar[int] = 0
+
+    def decide(self, key, observation, memory):
+        def count(_):
+            Counted.steps += 1
+
+        jax.debug.callback(count, observation.time)
+        return super().decide(key, observation, memory)
+
+
+def test_a_lane_takes_the_next_mission_as_soon_as_its_own_has_ended(monkeypatch):
+    """In pairs that wait for each other each of the four long missions would cost its partner's lane as much again."""
+    count, lanes = 8, 2
+    drawn = draw_missions(SCENARIO, seed=1, instances=count, roadmaps=False)
+    short = drawn.budgets.at[1::2].set(0.05)
+    mixed = eqx.tree_at(lambda m: m.budgets, drawn, short)
+    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
+    monkeypatch.setattr(run, "chunk_size", lambda planner: lanes)
+    Counted.steps = 0
+    states = run_missions(SCENARIO, Counted(SCENARIO, jnp.asarray(0.1)), mixed, KEY)
+    jax.effects_barrier()
+    events = np.asarray(states.events)
+    assert events[1::2].max() * 3 < events[0::2].min()
+    # Graham's bound: nobody is idle before the last mission has begun.
+    assert events.sum() <= Counted.steps <= events.sum() + (lanes - 1) * events.max()
+    assert Counted.steps < lanes * events.reshape(-1, lanes).max(axis=1).sum()
+
+
 def test_work_is_spread_over_the_devices(missions, monkeypatch):
     if len(jax.local_devices()) < 2:
         pytest.skip("needs 2 devices")

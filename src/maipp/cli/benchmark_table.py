@@ -111,8 +111,8 @@ def run(flags: TableFlags) -> int:
     except KeyboardInterrupt:
         notes.print("interrupted; the same command goes on with the cells that are missing")
         return INTERRUPTED
-    minutes = f" in {(time.monotonic() - begun) / 60:.1f} minutes" if computed else ""
-    notes.print(f"{len(every)} cells: {computed} computed{minutes}, {len(every) - computed} found in {flags.out}")
+    minutes = f"; {(time.monotonic() - begun) / 60:.1f} minutes" if computed else ""
+    notes.print(f"{len(every)} cells: {computed} computed, {len(every) - computed} found in {flags.out}{minutes}")
     if flags.processes is not None:
         return 0
     for path in write_table(table, flags.out, sample, reference):

@@ -1,0 +1,158 @@
+"""Cells computed by a process per core: each once, the same numbers, nobody left behind."""
+
+import copy
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maipp.benchmarks import table_workers
+from maipp.benchmarks.cells import CELLS
+from maipp.benchmarks.table_rows import Row
+from maipp.benchmarks.table_run import Sample, cells, fill, read
+from maipp.benchmarks.table_workers import choose, default_workers
+from maipp.errors import InputError
+
+SAMPLE = Sample(instances=2, trials=2, seed=3)
+
+
+@pytest.fixture(scope="module")
+def every(tiny_table):
+    return list(cells(tiny_table, tiny_table.rows, SAMPLE))
+
+
+def numbers(folder, table):
+    return [
+        (line.row.name, line.part.scenario.comm_range, budget, result.values["own_trace"].tolist())
+        for line in read(table, folder, SAMPLE)
+        for budget, result in line.results.items()
+    ]
+
+
+def test_two_workers_make_what_one_process_makes(every, tiny_table, tmp_path):
+    told = []
+    count = fill(every, tmp_path / "two", lambda *one: told.append(one), workers=2)
+    assert count == len(every) == len(list((tmp_path / "two" / CELLS).iterdir()))
+    assert multiprocessing.active_children() == []
+    begun = [number for _, number, _, missions in told if missions == 0]
+    ended = [number for _, number, _, missions in told if missions == 4]
+    assert sorted(begun) == sorted(set(ended)) == list(range(count))
+    assert all(cell is every[number] and of == count for cell, number, of, _ in told)
+    fill(every, tmp_path / "one")
+    for a, b in zip(numbers(tmp_path / "two", tiny_table), numbers(tmp_path / "one", tiny_table), strict=True):
+        assert a[:3] == b[:3] and a[3] == [pytest.approx(row, rel=1e-3) for row in b[3]]
+    # On a core each.
+    made = [json.loads(path.read_text(encoding="utf-8")) for path in (tmp_path / "two" / CELLS).iterdir()]
+    assert {one["machine"]["devices"] for one in made} == {1}
+    assert fill(every, tmp_path / "two", workers=2) == 0
+
+
+def test_what_is_wrong_with_a_cell_is_told_and_nobody_is_left(every, tmp_path):
+    """An option that only shows when missions are drawn; here a field file that has gone."""
+    missing = replace(every[0], scenario=every[0].scenario.replace(field=str(tmp_path / "gone.npy")))
+    with pytest.raises(InputError, match=r"gone\.npy"):
+        fill([missing, *every[:2]], tmp_path / "run", workers=2)
+    assert multiprocessing.active_children() == []
+
+
+def test_an_error_of_ours_shows_its_traceback(every, tmp_path):
+    broken = copy.copy(every[0])
+    object.__setattr__(broken, "trials", None)
+    with pytest.raises(RuntimeError, match="Traceback"):
+        fill([broken], tmp_path / "run", workers=1)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so there")
+def test_a_worker_that_is_killed_costs_its_cell_and_is_told(every, tmp_path):
+    """As the system does where memory runs out."""
+    begun = []
+
+    def report(cell, number, count, missions):
+        begun.append(number)
+        if len(begun) == 1:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+
+    with pytest.raises(InputError, match=r"random, budget 2, ended by itself \(exit code -9\).*fewer workers"):
+        fill(every, tmp_path, report, workers=1)
+    assert multiprocessing.active_children() == []
+    assert fill(every[:2], tmp_path) == 2
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals to a group")
+def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(tmp_path):
+    command = [sys.executable, "-m", "maipp", "benchmark", "table1", "--out", str(tmp_path), "--workers", "2"]
+    command += ["--instances", "400", "--trials", "1", "--planners", "random", "lawnmower"]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        assert running.stderr is not None
+        lines = [running.stderr.readline(), running.stderr.readline()]
+        assert all(line.startswith("cell ") for line in lines), lines
+        os.killpg(running.pid, signal.SIGINT)
+        assert "the same command goes on" in running.communicate(timeout=60)[1]
+        assert running.returncode == 130
+        for _ in range(100):
+            try:
+                os.killpg(running.pid, 0)
+            except ProcessLookupError:
+                break
+            time.sleep(0.1)
+        else:
+            pytest.fail("a process of the group is left")
+    finally:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
+
+
+KINDS = st.lists(st.sampled_from("abcde"), min_size=1, max_size=30)
+
+
+@given(KINDS, st.sampled_from([None, *"abcde"]), st.sets(st.sampled_from("abcde")))
+def test_a_worker_goes_on_with_what_it_has_compiled_then_begins_what_nobody_has(kinds, last, busy):
+    waiting = list(range(len(kinds)))
+    number = choose(waiting, kinds, last, busy)
+    if last in kinds:
+        assert number == kinds.index(last)
+    elif set(kinds) - busy:
+        assert kinds[number] not in busy
+        assert all(kind in busy for kind in kinds[:number])
+    else:
+        assert kinds.count(kinds[number]) == max(map(kinds.count, kinds))
+        assert kinds[number] not in kinds[number + 1 :]
+
+
+@given(KINDS, st.integers(1, 4), st.randoms())
+def test_every_cell_is_chosen_once_and_a_kind_is_shared_only_at_the_end(kinds, workers, random):
+    waiting, last, taken = list(range(len(kinds))), [None] * workers, []
+    while waiting:
+        worker = random.randrange(workers)
+        busy = {kind for other, kind in enumerate(last) if other != worker}
+        number = choose(waiting, kinds, last[worker], busy)
+        assert kinds[number] not in busy or {kinds[n] for n in waiting} <= busy | {last[worker]}
+        waiting.remove(number)
+        taken.append(number)
+        last[worker] = kinds[number]
+    assert sorted(taken) == list(range(len(kinds)))
+
+
+def test_there_is_a_worker_per_core_where_memory_allows(monkeypatch):
+    monkeypatch.setattr(table_workers, "cores_here", lambda: list(range(6)))
+    for memory, workers in [(64 << 30, 6), (8 << 30, 4), (1 << 30, 1)]:
+        monkeypatch.setattr(os, "sysconf", lambda name, memory=memory: {"SC_PAGE_SIZE": 1}.get(name, memory))
+        assert default_workers() == workers
+    monkeypatch.setattr("jax.default_backend", lambda: "gpu")
+    assert default_workers() == 0
+
+
+def test_cells_that_share_a_compilation_are_of_one_kind(every):
+    kinds = [table_workers._kind(cell) for cell in every]
+    assert kinds[0] == kinds[1] != kinds[2]  # both budgets of random, then greedy
+    assert kinds[4] != kinds[5]  # lawnmower compiles for each budget
+    assert len({kinds[0], table_workers._kind(replace(every[0], row=Row("other", "random")))}) == 2
