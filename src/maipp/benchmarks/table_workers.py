@@ -47,18 +47,18 @@ def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, bu
     """The number of the cell that a worker takes next: one of `waiting`, numbers of cells in order.
 
     `kinds[number]` is equal for cells that share a compilation, `last` what the worker has compiled and `busy` what
-    the others have. It goes on with its kind; else it begins one that nobody has; else it helps with what most is left
-    of, from the end, where the others come last.
+    the others have. It goes on with its kind; else it begins the first that nobody has; else it helps with what most is
+    left of. Of a kind the last cell, which takes longest, comes first and helpers take the shortest, so that at the end
+    nobody waits for long.
     """
-    for number in waiting:
-        if kinds[number] == last:
-            return number
-    for number in waiting:
-        if kinds[number] not in busy:
-            return number
     left = Counter(kinds[number] for number in waiting)
+    if last in left:
+        return max(number for number in waiting if kinds[number] == last)
+    fresh = [kind for kind in left if kind not in busy]
+    if fresh:
+        return max(number for number in waiting if kinds[number] == fresh[0])
     most = max(left, key=lambda kind: left[kind])
-    return max(number for number in waiting if kinds[number] == most)
+    return min(number for number in waiting if kinds[number] == most)
 
 
 def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: Tell) -> None:
