@@ -75,7 +75,7 @@ def test_missions_kept_from_another_planner_have_the_encodings_that_this_one_rea
 def test_parts_cover_every_mission_once(monkeypatch, evaluation):
     monkeypatch.setattr(module, "_BLOCKS_PER_PART", 1)
     monkeypatch.setattr(module, "missions_devices", lambda: [None])
-    monkeypatch.setattr(module, "chunk_size", lambda planner: 3)  # six missions: two parts of three
+    monkeypatch.setattr(module, "lanes_at_most", lambda planner: 3)  # six missions: two parts of three
     seen = []
     parts = evaluate(
         SCENARIO, "greedy", instances=2, trials=3, seed=5, timing=False, progress=lambda *at: seen.append(at)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -88,29 +89,49 @@ def test_a_worker_that_is_killed_costs_its_cell_and_is_told(every, tmp_path):
     assert fill(every[:2], tmp_path) == 2
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals to a group")
-def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(tmp_path):
-    command = [sys.executable, "-m", "maipp", "benchmark", "table1", "--out", str(tmp_path), "--workers", "2"]
-    command += ["--instances", "400", "--trials", "1", "--planners", "random", "lawnmower"]
-    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+@pytest.fixture
+def running(tmp_path):
+    """A process that fills a table by two workers, in a group of its own; both are at a cell."""
+    words = ["benchmark", "table1", "--out", str(tmp_path), "--workers", "2", "--instances", "400", "--trials", "1"]
+    words += ["--planners", "random", "lawnmower"]
+    # Tests that run in the background may have been told to ignore Ctrl-C.
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += f"from maipp.cli.main import main; sys.exit(main({words!r}))"
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
-        assert running.stderr is not None
-        lines = [running.stderr.readline(), running.stderr.readline()]
+        assert process.stderr is not None
+        lines = [process.stderr.readline(), process.stderr.readline()]
         assert all(line.startswith("cell ") for line in lines), lines
-        os.killpg(running.pid, signal.SIGINT)
-        assert "the same command goes on" in running.communicate(timeout=60)[1]
-        assert running.returncode == 130
-        for _ in range(100):
-            try:
-                os.killpg(running.pid, 0)
-            except ProcessLookupError:
-                break
-            time.sleep(0.1)
-        else:
-            pytest.fail("a process of the group is left")
+        yield process
     finally:
-        if running.poll() is None:
-            os.killpg(running.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def assert_nobody_is_left(group):
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    pytest.fail("a process of the group is left")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals to a group")
+def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(running):
+    os.killpg(running.pid, signal.SIGINT)
+    assert "the same command goes on" in running.communicate(timeout=60)[1]
+    assert running.returncode == 130
+    assert_nobody_is_left(running.pid)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals to a group")
+def test_workers_end_with_a_parent_that_is_killed(running):
+    running.kill()
+    running.wait()
+    assert_nobody_is_left(running.pid)
 
 
 KINDS = st.lists(st.sampled_from("abcde"), min_size=1, max_size=30)

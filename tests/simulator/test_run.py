@@ -101,7 +101,7 @@ def test_chunks_and_devices_do_not_matter(missions, together, monkeypatch, chunk
     if len(jax.local_devices()) < devices:
         pytest.skip(f"needs {devices} devices")
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:devices])
-    monkeypatch.setattr(run, "chunk_size", lambda planner: chunk)
+    monkeypatch.setattr(run, "lanes_at_most", lambda planner: chunk)
     assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
 
 
@@ -111,7 +111,7 @@ def test_thousands_of_lanes_wait_for_each_other_and_nothing_changes(monkeypatch)
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
     ended = []
     for lanes in (32, 5):
-        monkeypatch.setattr(run, "chunk_size", lambda planner, lanes=lanes: lanes)
+        monkeypatch.setattr(run, "lanes_at_most", lambda planner, lanes=lanes: lanes)
         ended.append(run_missions(SCENARIO, drift(), many, KEY))
     assert_close(*ended)
 
@@ -136,7 +136,7 @@ def test_a_lane_takes_the_next_mission_as_soon_as_its_own_has_ended(monkeypatch)
     short = drawn.budgets.at[1::2].set(0.05)
     mixed = eqx.tree_at(lambda m: m.budgets, drawn, short)
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
-    monkeypatch.setattr(run, "chunk_size", lambda planner: lanes)
+    monkeypatch.setattr(run, "lanes_at_most", lambda planner: lanes)
     Counted.steps = 0
     states = run_missions(SCENARIO, Counted(SCENARIO, jnp.asarray(0.1)), mixed, KEY)
     jax.effects_barrier()

@@ -24,7 +24,7 @@ from maipp.planners import make_planner, planner_options
 from maipp.scenario import Scenario
 from maipp.simulator import Mission, Planner, draw_missions, run_missions
 from maipp.simulator.metrics import Metrics, score_missions
-from maipp.simulator.run import chunk_size
+from maipp.simulator.run import lanes_at_most
 from maipp.typing import Float, Key
 
 # Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose.
@@ -174,7 +174,7 @@ def _run_in_parts(
 ) -> Metrics:
     """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
     count = missions.start.shape[0]
-    block = chunk_size(planner) * len(missions_devices())
+    block = lanes_at_most(planner) * len(missions_devices())
     blocks = math.ceil(count / block)
     size = min(count, block * math.ceil(blocks / math.ceil(blocks / _BLOCKS_PER_PART)))
     scored: list[Metrics] = []

@@ -1,8 +1,11 @@
 """A process that computes cells on a core of its own. It imports JAX only once it is on that core."""
 
+import os
 import signal
+import threading
 import traceback
-from multiprocessing.connection import Connection
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,12 +36,21 @@ def work(channel: Connection, folder: Path, core: int | None) -> None:
     Answers with `Progress`, and then `Done` or `Failed`.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C meets the whole group; the parent ends its workers
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     use_one_core(core)
     try:
         while True:
             _compute(channel, folder)
-    except (EOFError, BrokenPipeError):  # the parent is gone, or needs no more
+    except (EOFError, BrokenPipeError):  # the parent needs no more
         return
+
+
+def _end_with_the_parent() -> None:
+    """A parent that is killed cannot end its workers. What they are at is lost, as with an interrupt."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _compute(channel: Connection, folder: Path) -> None:

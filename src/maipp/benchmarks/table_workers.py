@@ -4,6 +4,7 @@ import multiprocessing
 import os
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
@@ -79,7 +80,8 @@ def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: T
         worker.number = choose(waiting, kinds, last, others)
         waiting.remove(worker.number)
         tell(worker.number, 0)
-        worker.channel.send(missing[worker.number])
+        with suppress(BrokenPipeError):  # it has ended, as waiting for its answer will tell
+            worker.channel.send(missing[worker.number])
 
     try:
         for i in range(min(workers, len(missing))):

@@ -21,7 +21,7 @@ from maipp.simulator.state import State, reset
 from maipp.typing import Array, Bool, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
-ACCELERATOR_CHUNK = 4096
+ACCELERATOR_LANES = 4096
 
 
 def batch_size(missions: Mission) -> int:
@@ -29,9 +29,9 @@ def batch_size(missions: Mission) -> int:
     return missions.start.shape[0]
 
 
-def chunk_size(planner: Planner) -> int:
+def lanes_at_most(planner: Planner) -> int:
     """Missions that one device steps together, at most."""
-    return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_CHUNK
+    return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_LANES
 
 
 class _Lanes(NamedTuple):
@@ -129,7 +129,7 @@ def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: K
     refuse_to_cross(scenario, planner)
     count = batch_size(missions)
     devices = min(len(missions_devices()), count)
-    # Chunks of equal size: a last one that is all but empty would take as long as the others.
+    # No more lanes than it takes: where all missions are equally long, a last round with empty lanes costs as much.
     each = math.ceil(count / devices)
-    chunk = math.ceil(each / math.ceil(each / chunk_size(planner)))
-    return _run_sharded(scenario, planner, missions, key, jnp.asarray(first), devices, chunk)
+    lanes = math.ceil(each / math.ceil(each / lanes_at_most(planner)))
+    return _run_sharded(scenario, planner, missions, key, jnp.asarray(first), devices, lanes)
