@@ -7,9 +7,6 @@ import os
 # sums over devices: there is room for one more waiting thread each. More gained nothing. XLA reads NPROC.
 _THREADS_PER_DEVICE, _SPARE_THREADS = 2, 1
 
-# A device alone waits for no other, and with one thread its work does not wander between threads.
-_THREADS_OF_ONE_DEVICE = 1
-
 # Each device already keeps a core busy: letting matrix products spread over all cores only adds waiting, and so does
 # cutting small loops into one piece per thread.
 _FLAGS = ("--xla_cpu_multi_thread_eigen=false", "--xla_disable_hlo_passes=cpu-parallel-task-assigner")
@@ -27,7 +24,8 @@ def use_all_cores(cores: int | None = None) -> None:
         return
     if cores is None:
         cores = len(cores_here())
-    threads = _THREADS_PER_DEVICE * cores + _SPARE_THREADS if cores > 1 else _THREADS_OF_ONE_DEVICE
+    # A device alone waits for no other, and with one thread its work does not wander between threads.
+    threads = 1 if cores == 1 else _THREADS_PER_DEVICE * cores + _SPARE_THREADS
     os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), threads))
     # The Cholesky factors come from OpenBLAS, whose own threads would spin against the devices (measured: 12 times
     # slower). It reads this when it is loaded, so it works for the command line, and for a library user who calls

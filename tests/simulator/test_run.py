@@ -1,4 +1,4 @@
-"""Running batches: the same record whatever the batch, the chunk and the devices, and one compilation per shape."""
+"""Running batches: the same record whatever the batch, the lanes and the devices, and one compilation per shape."""
 
 from typing import ClassVar
 
@@ -95,13 +95,13 @@ def test_a_planner_without_randomness_can_run_each_mission_alone(missions):
         assert_close(alone, jax.tree.map(lambda a, i=i: a[i : i + 1], batch))
 
 
-@pytest.mark.parametrize(("chunk", "devices"), [(1, 1), (2, 1), (2, 2), (32, 2)])
-def test_chunks_and_devices_do_not_matter(missions, together, monkeypatch, chunk, devices):
-    """Five missions fit no chunk and no number of devices: the batch is padded, and the padding cut off."""
+@pytest.mark.parametrize(("lanes", "devices"), [(1, 1), (2, 1), (2, 2), (32, 2)])
+def test_lanes_and_devices_do_not_matter(missions, together, monkeypatch, lanes, devices):
+    """Five missions fit no number of lanes and no number of devices: the batch is padded, and the padding cut off."""
     if len(jax.local_devices()) < devices:
         pytest.skip(f"needs {devices} devices")
     monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:devices])
-    monkeypatch.setattr(run, "lanes_at_most", lambda planner: chunk)
+    monkeypatch.setattr(run, "lanes_at_most", lambda planner: lanes)
     assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
 
 
@@ -170,7 +170,7 @@ def test_equal_calls_share_one_compilation(missions, together):
 
 
 def test_missions_that_end_early_wait_unchanged(missions, together):
-    """One mission of a chunk with a hundredth of the budget stops long before the others."""
+    """One mission of five with a hundredth of the budget stops long before the others."""
     budgets = missions.budgets.at[2].set(0.05)
     mixed = eqx.tree_at(lambda m: m.budgets, missions, budgets)
     states = run_missions(SCENARIO, drift(), mixed, KEY)

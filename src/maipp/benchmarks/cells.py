@@ -49,6 +49,11 @@ class Cell:
         """Of each agent, domain units."""
         return max(self.scenario.budgets)
 
+    @property
+    def missions(self) -> int:
+        """How many these are."""
+        return self.instances * self.trials
+
     @cached_property
     def made_by(self) -> dict[str, Any]:
         """Everything that decides the numbers, as plain JSON. Raises `InputError` for bad options or weights."""
@@ -97,6 +102,11 @@ class Cell:
             progress=progress,
         )
         return _result(result)
+
+    def fill(self, folder: Path, progress: Progress | None = None) -> None:
+        """Run the missions and keep what they come to, unless another process or machine has done so by now."""
+        if self.load(folder) is None:
+            self.save(self.compute(progress), folder)
 
     def save(self, result: CellResult, folder: Path) -> None:
         """Write the file, whole or not at all. Raises `InputError` where it cannot be written."""

@@ -27,7 +27,8 @@ from maipp.simulator.metrics import Metrics, score_missions
 from maipp.simulator.run import lanes_at_most
 from maipp.typing import Float, Key
 
-# Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose.
+# Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose. At
+# the end of each part lanes have nothing to take up, so parts are long.
 _BLOCKS_PER_PART = 40
 
 # Mixed into the seed for the planner's randomness, so that it shares no key with the instances 0, 1, 2...

@@ -33,11 +33,6 @@ def cpu_model() -> str:
     return platform.processor() or platform.machine()
 
 
-def cores() -> int:
-    """Cores this process may use."""
-    return len(cores_here())
-
-
 def machine() -> dict[str, Any]:
     """Processor, cores, system, and the devices and precision that JAX uses."""
     import jax
@@ -46,7 +41,7 @@ def machine() -> dict[str, Any]:
     devices = jax.local_devices()
     return {
         "cpu": cpu_model(),
-        "cores": cores(),
+        "cores": len(cores_here()),
         "system": platform.platform(),
         "backend": jax.default_backend(),
         "device": devices[0].device_kind,

@@ -75,10 +75,8 @@ def fill(every: Sequence[Cell], folder: Path, report: Report | None = None, *, w
         return len(missing)
     for number, one in enumerate(missing):
         tell(number, 0)
-        # Another machine may have filled it since.
-        if one.load(folder) is None:
-            one.save(one.compute(lambda missions, _, number=number: tell(number, missions)), folder)
-        tell(number, one.instances * one.trials)
+        one.fill(folder, lambda missions, _, number=number: tell(number, missions))
+        tell(number, one.missions)
     return len(missing)
 
 

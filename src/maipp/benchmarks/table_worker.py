@@ -14,9 +14,9 @@ from maipp.errors import InputError
 
 
 class Progress(NamedTuple):
-    """How far the cell under way is; of as many missions as it has when it is done and kept."""
+    """How far the cell under way is."""
 
-    missions: int
+    missions: int  # done
 
 
 class Done(NamedTuple):
@@ -56,8 +56,7 @@ def _end_with_the_parent() -> None:
 def _compute(channel: Connection, folder: Path) -> None:
     cell = channel.recv()
     try:
-        if cell.load(folder) is None:  # another machine may have filled it since
-            cell.save(cell.compute(lambda missions, _: channel.send(Progress(missions))), folder)
+        cell.fill(folder, lambda missions, _: channel.send(Progress(missions)))
         answer: Done | Failed = Done()
     except BrokenPipeError:
         raise

@@ -103,7 +103,7 @@ def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: T
                 if isinstance(answer, Progress):
                     tell(worker.number, answer.missions)
                     continue
-                tell(worker.number, missing[worker.number].instances * missing[worker.number].trials)
+                tell(worker.number, missing[worker.number].missions)
                 if waiting:
                     give(worker)
                 else:

@@ -152,7 +152,7 @@ def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes
             """Show where the work is."""
             if not notes.is_terminal and missions == 0:
                 notes.print(f"cell {len(shares) + 1} of {count}: {_words(cell)}")
-            shares[number] = missions / (cell.instances * cell.trials)
+            shares[number] = missions / cell.missions
             bar.update(task, total=count, completed=sum(shares.values()), description=_words(cell))
 
         return fill(every, folder, report, workers=workers)

@@ -61,7 +61,7 @@ class IntentSearch(PolicyPlanner, LegPlanner):
 
     @property
     def missions_per_core(self) -> int:
-        """As without a policy: the search in the plane is what takes the time, and chunks of 8 gained nothing."""
+        """As without a policy: the search in the plane is what takes the time, and 8 at a time gained nothing."""
         return super(PolicyPlanner, self).missions_per_core
 
     def empty_message(self) -> PyTree:

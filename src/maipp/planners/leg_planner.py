@@ -39,7 +39,7 @@ _TEAM_LEGS, _LEGS = 20, (2, 4)
 # The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
 _SPREAD, _RESOLVED = 0.3, 2.0
 
-# More agents than this plan twice on the way of each leg, and missions of them are stepped together in smaller chunks.
+# More agents than this plan twice on the way of each leg, and fewer missions of them are stepped together.
 _FEW = 5
 
 # Half of what the record of a route has room for: among zones, legs may be short.

@@ -83,7 +83,7 @@ class PolicyPlanner(Planner):
 
     @property
     def missions_per_core(self) -> int:
-        """8: on 128 missions at B = 3 chunks of 32 took `sga-catnipp` 1.5 times as long, `ti-star`, `di` 1.2 times."""
+        """8: on 128 missions at B = 3 it took `sga-catnipp` 1.5 times as long with 32, `ti-star`, `di` 1.2 times."""
         return 8
 
     def initial_memory(self) -> PyTree:

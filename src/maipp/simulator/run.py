@@ -50,15 +50,18 @@ def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
     So no mission waits for the longest of those that it began with; only the last ones do.
     """
     count = batch_size(missions)
-    begin = jax.vmap(partial(reset, scenario, planner))
+    begin = partial(reset, scenario, planner)
     advance = jax.vmap(partial(step, scenario, planner))
     # Taking up missions copies the worlds of all lanes: too much for every step of an accelerator's thousands of lanes.
     enough = max(1, lanes // 16)
 
+    def begun(new: Bool[Array, ""], mission: Mission, state: State) -> State:
+        return jax.tree.map(partial(jnp.where, new), begin(mission), state)
+
     def travel(lane: _Lanes) -> _Lanes:
         """Begin what is new, and step until missions have ended: enough of them, or all where none waits."""
         mission, key = jax.tree.map(lambda a: a[jnp.minimum(lane.number, count - 1)], (missions, keys))
-        state = jax.tree.map(lambda a, b: jnp.where(_like(lane.new, a), a, b), begin(mission), lane.state)
+        state = jax.vmap(begun)(lane.new, mission, lane.state)
 
         def over(state: State) -> Bool[Array, " l"]:
             return (lane.number < count) & ~jnp.any(state.active, axis=-1)
@@ -78,15 +81,10 @@ def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
         waiting = jnp.minimum(lane.waiting + jnp.sum(over), count)
         return _Lanes(number, over & (number < count), lane.state, waiting, final)
 
-    state = begin(jax.tree.map(lambda a: a[:lanes], missions))
+    state = jax.vmap(begin)(jax.tree.map(lambda a: a[:lanes], missions))
     final = jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), state)
     lane = _Lanes(jnp.arange(lanes), jnp.zeros(lanes, bool), state, jnp.asarray(lanes), final)
     return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
-
-
-def _like(mask: Bool[Array, " l"], array: Array) -> Bool[Array, "l *ones"]:
-    """The mask with as many axes as the array."""
-    return mask.reshape(-1, *[1] * (array.ndim - 1))
 
 
 @eqx.filter_jit
