@@ -10,7 +10,7 @@ from maipp.planners.leg_planner import LegPlanner
 from maipp.scenario import Scenario
 
 
-@pytest.mark.parametrize(("agents", "legs"), [(1, 4), (3, 4), (5, 4), (6, 3), (7, 2), (10, 2), (100, 2)])
+@pytest.mark.parametrize(("agents", "legs"), [(1, 8), (3, 8), (4, 8), (5, 4), (6, 3), (7, 2), (10, 2), (100, 2)])
 def test_the_more_agents_the_fewer_legs_each_plans(agents, legs):
     assert LegPlanner(Scenario(agents=agents)).legs == legs
     assert LegPlanner(Scenario(agents=agents), horizon=5).legs == 5
@@ -18,7 +18,7 @@ def test_the_more_agents_the_fewer_legs_each_plans(agents, legs):
 
 @pytest.mark.parametrize("name", ["receding-horizon", "intent-search"])
 def test_agents_announce_as_many_measurements_as_they_plan(name):
-    for agents, options, legs in ((3, {}, 4), (10, {}, 2), (10, {"horizon": 3}, 3), (10, {"horizon": "none"}, 2)):
+    for agents, options, legs in ((3, {}, 8), (10, {}, 2), (10, {"horizon": 3}, 3), (10, {"horizon": "none"}, 2)):
         planner = make_planner(name, Scenario(agents=agents), options)
         assert planner.empty_message().points.shape == (legs, 2)
 

@@ -32,8 +32,9 @@ _LATE = 50.0
 # How far from a measurement it still tells of a point, in length scales.
 _NEAR = 0.6
 
-# Where it is not said otherwise, a team plans about so many legs in all, and each agent at least and at most so many
-# (docs/planners.md has the measurements behind this and the next).
+# Where it is not said otherwise, agents of teams up to this size plan this many legs; larger teams about so many in
+# all, and each agent at least and at most so many (docs/planners.md has the measurements behind this and the next).
+_SMALL_TEAM, _FAR = 4, 8
 _TEAM_LEGS, _LEGS = 20, (2, 4)
 
 # The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
@@ -82,9 +83,11 @@ class LegPlanner(PlanePlanner):
 
     @property
     def legs(self) -> int:
-        """Legs planned, one measurement each: `horizon`, or fewer the more agents there are."""
+        """Legs planned, one measurement each: `horizon`, or eight in small teams and fewer the more agents there are."""
         if self.horizon is not None:
             return self.horizon
+        if self.scenario.agents <= _SMALL_TEAM:
+            return _FAR
         return min(max(_TEAM_LEGS // self.scenario.agents, _LEGS[0]), _LEGS[1])
 
     @property
