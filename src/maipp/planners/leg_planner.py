@@ -83,7 +83,7 @@ class LegPlanner(PlanePlanner):
 
     @property
     def legs(self) -> int:
-        """Legs planned, one measurement each: `horizon`, or eight in small teams and fewer the more agents there are."""
+        """Legs planned, one measurement each: `horizon`; left out, eight in small teams, fewer in larger ones."""
         if self.horizon is not None:
             return self.horizon
         if self.scenario.agents <= _SMALL_TEAM:
