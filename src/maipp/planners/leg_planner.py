@@ -33,9 +33,9 @@ _LATE = 50.0
 _NEAR = 0.6
 
 # Where it is not said otherwise, agents of teams up to this size plan this many legs; larger teams about so many in
-# all, and each agent at least and at most so many (docs/planners.md has the measurements behind this and the next).
+# all, and each agent at least so many (docs/planners.md has the measurements behind this and the next).
 _SMALL_TEAM, _FAR = 4, 8
-_TEAM_LEGS, _LEGS = 20, (2, 4)
+_TEAM_LEGS, _FEWEST = 20, 2
 
 # The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
 _SPREAD, _RESOLVED = 0.3, 2.0
@@ -88,7 +88,7 @@ class LegPlanner(PlanePlanner):
             return self.horizon
         if self.scenario.agents <= _SMALL_TEAM:
             return _FAR
-        return min(max(_TEAM_LEGS // self.scenario.agents, _LEGS[0]), _LEGS[1])
+        return max(_TEAM_LEGS // self.scenario.agents, _FEWEST)
 
     @property
     def decisions_per_leg(self) -> int:
