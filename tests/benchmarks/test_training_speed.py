@@ -10,7 +10,7 @@ from maipp.training.config import TrainConfig
 
 TINY = TrainConfig(
     agents=2, budget=(0.6, 0.8), bank=1, shards=1, missions=2, events=2, minibatch=4, paths=1, steps=1, search_paths=2,
-    elites=1,
+    elites=1, imitation=0, search=0,
 )  # fmt: skip
 
 

@@ -82,7 +82,8 @@ class FakeWorlds:
 
 def fake_config(updates: int) -> TrainConfig:
     """One that evaluates every other update and saves after each."""
-    return TrainConfig(updates=updates, evaluate_every=2, checkpoint_seconds=1e-9, events=2, missions=2, minibatch=4)
+    sizes = {"events": 2, "missions": 2, "minibatch": 4, "imitation": 0, "search": 0}
+    return TrainConfig(updates=updates, evaluate_every=2, checkpoint_seconds=1e-9, **sizes)
 
 
 def die_before(operation: int, folder: str) -> None:

@@ -84,7 +84,7 @@ def test_the_configuration_that_the_flags_name(tmp_path):
 
 def test_progress_is_a_line_now_and_then(tmp_path):
     with open(tmp_path / "notes", "w") as file:
-        with _shown(Console(file=file, soft_wrap=True), TrainConfig(updates=9)) as show:
+        with _shown(Console(file=file, soft_wrap=True), TrainConfig(updates=9, imitation=0, search=0)) as show:
             for update in (1, 2, 3):
                 show(Step(update, 9, 8 * update, 1.0, {"loss": 0.25, "final_trace": float("nan")}))
             show(Step(3, 9, 24, 1.0, {}, HeldOut(12.34, 0.5, 1.0)))

@@ -12,7 +12,7 @@ import pytest
 from maipp.errors import InputError
 from maipp.policy import load_policy
 from maipp.simulator.engine import turn
-from maipp.training.config import TrainConfig
+from maipp.training.config import NAMED, TrainConfig
 from maipp.training.learner import Learner, _schedule
 from maipp.training.losses import Sample, sample_loss
 from maipp.training.rollout import roll_out
@@ -21,7 +21,7 @@ from maipp.training.worlds import agent_roadmap, mission_of
 
 CONFIG = TrainConfig(
     agents=2, budget=(0.6, 0.8), bank=2, shards=1, missions=2, events=6, epochs=1, minibatch=12, paths=2, steps=3,
-    search=2, search_paths=6, elites=2, updates=2, learning_rate=1e-3,
+    imitation=0, search=2, search_paths=6, elites=2, updates=2, learning_rate=1e-3,
 )  # fmt: skip
 
 
@@ -157,5 +157,11 @@ def test_a_run_imitates_then_reinforces_then_searches():
     rates = [float(jnp.asarray(schedule(step))) for step in (0, 6 * per_update - 1, 6 * per_update, 9 * per_update)]
     assert rates[0] == pytest.approx(1e-3) and rates[1] < 1e-4
     assert rates[2] == pytest.approx(5e-4) and rates[3] == pytest.approx(1e-5)
+    paper = NAMED["paper"]  # once per training step, of which each has eight of Adam's
+    schedule, per_update = _schedule(paper), paper.epochs * paper.minibatches
+    assert per_update == 8 and paper.transitions_per_update == 512
+    for update in (0, 31, 32, 600, 3999):
+        rate = float(jnp.asarray(schedule(update * per_update)))
+        assert rate == pytest.approx(5e-5 * 0.96 ** (update // 32), rel=1e-4)
     with pytest.raises(InputError, match=r"updates: 4; give at least imitation \+ search, 5"):
         config.replace(updates=4)

@@ -230,8 +230,8 @@ def _part(config: TrainConfig, rate: float, steps: int) -> optax.Schedule:
     """Learning rate by gradient steps taken of `steps`, from `rate` on."""
     if config.schedule == "cosine":
         return optax.cosine_decay_schedule(rate, steps, alpha=0.02)
-    if config.schedule == "steps":  # Yang et al. 2023, Sec. IV-E
-        return optax.exponential_decay(rate, 32, 0.96, staircase=True)
+    if config.schedule == "steps":  # Yang et al. 2023, Sec. IV-E: once per training step, which has several of Adam's
+        return optax.exponential_decay(rate, 32 * config.epochs * config.minibatches, 0.96, staircase=True)
     return optax.constant_schedule(rate)
 
 
