@@ -112,7 +112,7 @@ def test_missions_run_on_all_devices_of_a_process_that_asked_for_them(call, devi
     import jax
     from maipp.planners.greedy import Greedy
     from maipp.scenario import Scenario
-    from maipp.simulator import draw_missions, run_missions
+    from maipp.engine import draw_missions, run_missions
     scenario = Scenario(agents=2, budget=0.6, grid=8, nodes=20, neighbours=5)
     missions = draw_missions(scenario, seed=0, instances=4)
     states = run_missions(scenario, Greedy(scenario), missions, jax.random.key(0))

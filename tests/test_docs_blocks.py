@@ -27,9 +27,9 @@ from maipp.cli.evaluate import Evaluate, _rows
 from maipp.cli.main import COMMANDS
 from maipp.cli.plan import Plan
 from maipp.cli.train import Train
+from maipp.engine.episode import Episode
+from maipp.engine.episode_io import write_episode
 from maipp.planners import make_planner, registry
-from maipp.simulator.episode import Episode
-from maipp.simulator.episode_io import write_episode
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import find_config, override
 

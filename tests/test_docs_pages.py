@@ -9,10 +9,10 @@ import pytest
 
 from maipp.benchmarks.evaluate import message_bytes
 from maipp.cli.planners import _typed
+from maipp.engine import State
 from maipp.planners import make_planner, planner_class, planner_names, planner_options
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.scenario import Scenario
-from maipp.simulator import State
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE, PLANNERS = (

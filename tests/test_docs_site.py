@@ -68,7 +68,7 @@ def test_links_between_pages_lead_somewhere(site):
 
 @pytest.mark.slow
 def test_the_api_says_shapes_and_what_fields_mean(site):
-    text = re.sub(r"<[^>]+>", "", (site / "api" / "simulator.html").read_text(encoding="utf-8"))
+    text = re.sub(r"<[^>]+>", "", (site / "api" / "engine.html").read_text(encoding="utf-8"))
     assert "odometer" in text and "Distance travelled on arrival." in text
     index = (site / "api" / "index.html").read_text(encoding="utf-8")
     import maipp
@@ -153,7 +153,7 @@ def test_symbols_have_the_names_that_the_table_gives(row):
 
 
 def test_a_name_that_is_not_there_is_found():
-    for name in ("Scenario.agent", "simulator.State.speed", "belief.Believe", "nowhere.Mission"):
+    for name in ("Scenario.agent", "engine.State.speed", "belief.Believe", "nowhere.Mission"):
         with pytest.raises((AttributeError, ImportError)):
             resolve(name)
 

@@ -19,7 +19,7 @@ FLOORS = (
     ("typing", "errors", "devices", "files", "yaml_text"),
     ("scenario", "scenario_checks", "scenario_fields", "scenario_io"),
     ("fields", "belief", "roadmap", "team"),
-    ("simulator",),
+    ("engine",),
     ("policy", "viz", "missions", "adapters"),
     ("planners",),
     ("training",),

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from maipp.belief import extend
 from maipp.errors import InputError
 from maipp.planners.lookahead import predicted_trace
-from maipp.simulator import Decision, Observation, Planner
+from maipp.engine import Decision, Observation, Planner
 
 
 class BestHeading(Planner):

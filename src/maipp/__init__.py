@@ -10,28 +10,28 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from maipp.benchmarks.evaluate import evaluate
     from maipp.devices import use_all_cores
+    from maipp.engine.mission import draw_missions
+    from maipp.engine.rollout import run_missions
+    from maipp.engine.score import score_missions
     from maipp.live.survey import LiveSurvey
     from maipp.planners.registry import make_planner, register
     from maipp.policy.shipped import load_policy
     from maipp.scenario import Scenario
     from maipp.scenario_io import load_scenario
-    from maipp.simulator.metrics import score_missions
-    from maipp.simulator.mission import draw_missions
-    from maipp.simulator.run import run_missions
 
     __version__: str
 
 _MODULES = {
     "LiveSurvey": "maipp.live.survey",
     "Scenario": "maipp.scenario",
-    "draw_missions": "maipp.simulator.mission",
+    "draw_missions": "maipp.engine.mission",
     "evaluate": "maipp.benchmarks.evaluate",
     "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
     "make_planner": "maipp.planners.registry",
     "register": "maipp.planners.registry",
-    "run_missions": "maipp.simulator.run",
-    "score_missions": "maipp.simulator.metrics",
+    "run_missions": "maipp.engine.rollout",
+    "score_missions": "maipp.engine.score",
     "use_all_cores": "maipp.devices",
 }
 

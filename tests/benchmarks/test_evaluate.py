@@ -12,11 +12,11 @@ from hypothesis.extra import numpy as arrays
 
 from maipp.benchmarks import evaluate as module
 from maipp.benchmarks.evaluate import Evaluation, evaluate, message_bytes, save_evaluations, summarise, to_json
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.score import score_missions
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.metrics import score_missions
 
 SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
 

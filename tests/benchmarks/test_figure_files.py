@@ -16,11 +16,11 @@ from maipp.benchmarks.sampled_paths import sampled_paths
 from maipp.benchmarks.stability import KINDS, Stability
 from maipp.benchmarks.table_rows import Row
 from maipp.benchmarks.trace_curves import trace_curve
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.score import score_missions
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.metrics import score_missions
 from maipp.team import destination_intent, trajectory_intent
 
 SCENARIO = Scenario(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4)

@@ -94,4 +94,4 @@ def test_what_the_package_re_exports_does_not_count(package):
 def test_the_engine_and_the_planner_count_and_other_planners_do_not():
     digests = {name: planner_fingerprint(make_planner(name, Scenario()))["code"] for name in ("greedy", "random")}
     assert digests["greedy"] != digests["random"]
-    assert code_digest(("maipp.simulator.run",)) != code_digest(("maipp.simulator.run", "maipp.planners.greedy"))
+    assert code_digest(("maipp.engine.rollout",)) != code_digest(("maipp.engine.rollout", "maipp.planners.greedy"))

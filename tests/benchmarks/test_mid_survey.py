@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from maipp.benchmarks.mid_survey import under_way, walks
+from maipp.engine.observe import turn
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator.engine import turn
 
 SCENARIO = Scenario(agents=3, budget=1.2, grid=6, nodes=12, neighbours=4)
 COUNT = 4

@@ -13,9 +13,9 @@ from matplotlib.animation import FFMpegWriter
 import maipp.viz
 from maipp.belief import PriorSamples
 from maipp.cli.plan import Plan, report, run
+from maipp.engine.episode import replay
+from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
-from maipp.simulator.episode import replay
-from maipp.simulator.episode_io import read_episode
 
 SMALL = (("scenario.grid=8", "scenario.nodes=12", "scenario.neighbours=4"),)
 REPORT = ["report.html"] if find_spec("plotly") else []

@@ -9,8 +9,8 @@ import pytest
 
 from maipp.cli.main import main
 from maipp.cli.survey import Survey, _sizes, run
+from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
-from maipp.simulator.episode_io import read_episode
 from maipp.surveys.survey_io import load_survey
 from maipp.surveys.template import TEMPLATE
 from tests.surveys.conftest import SQUARE

@@ -9,9 +9,9 @@ import pytest
 from maipp.cli.evaluate import Evaluate, _rows
 from maipp.cli.main import main
 from maipp.cli.plan import Plan, run
+from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
 from maipp.policy import PolicyNetwork, save_weights
-from maipp.simulator.episode_io import read_episode
 
 TINY = "--agents 2 --budget 0.4 --set scenario.grid=6 scenario.nodes=12 scenario.neighbours=4".split()
 COMMANDS = [["plan", "--no-animation"], ["evaluate", "--instances", "2", "--trials", "1", "--no-timing"]]

@@ -14,12 +14,12 @@ import numpy as np
 from fuzz_check import Failure, Target
 from fuzz_surveys import SURVEY_TARGETS
 
+from maipp.engine.episode_io import read_episode, write_episode
 from maipp.fields.raster_io import load_raster
 from maipp.policy.network import PolicyNetwork
 from maipp.policy.weights import load_weights, save_weights
 from maipp.scenario import Scenario
 from maipp.scenario_io import dump_scenario, load_scenario, save_scenario
-from maipp.simulator.episode_io import read_episode, write_episode
 from maipp.training.config import NAMED
 from maipp.training.config_io import dump_config, load_config
 

@@ -6,11 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.advance import advance
+from maipp.engine.observe import turn
+from maipp.engine.score import pooled_belief
 from maipp.live import LiveSurvey
 from maipp.planners import make_planner
-from maipp.simulator import draw_missions, reset, run_missions
-from maipp.simulator.engine import advance, turn
-from maipp.simulator.metrics import pooled_belief
 
 
 def live_routes(survey, team, field):

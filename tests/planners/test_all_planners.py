@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from shapely.geometry import LineString, Polygon
 
+from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner, planner_class, planner_names
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
 
 WALL = ((0.35, 0.3), (0.65, 0.3), (0.65, 1.1), (0.35, 1.1))
 SMALL: Any = {"grid": 8, "nodes": 20, "neighbours": 5}

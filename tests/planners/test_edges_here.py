@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import observe
 from maipp.planners.edges_here import edges_here
 from maipp.planners.random_walk import RandomWalk
 from maipp.planners.roadmap_step import current_node, edges, roadmap_of
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import observe
 
 BAY = ((0.3, 0.3), (0.7, 0.3), (0.7, 0.35), (0.35, 0.35), (0.35, 0.65), (0.7, 0.65), (0.7, 0.7), (0.3, 0.7))
 AMONG = Scenario(agents=2, budget=2.0, grid=6, nodes=60, neighbours=6, start=(0.45, 0.5), obstacles=(BAY,))

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.planners.first_leg import FirstLeg, depart
 from maipp.planners.headings import bend, walk_bent
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
 
 EXTENT, STEPS = (1.0, 1.0), jnp.asarray([0.2, 0.2, 0.2])
 inner = st.floats(-0.7, 0.7)

@@ -8,10 +8,11 @@ import pytest
 from jax import lax
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.rollout import step
 from maipp.planners.greedy import Greedy
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset, run_missions
-from maipp.simulator.engine import due_agent, hear, observe, step
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=10, nodes=25, neighbours=6)
 KEY = jax.random.key(0)

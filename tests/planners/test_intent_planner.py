@@ -9,13 +9,14 @@ from jax import lax
 from shapely.geometry import LineString
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.intent_belief import intent_points
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset, run_missions
-from maipp.simulator.engine import due_agent, hear, observe, step
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, trajectory_intent
 
 SCENARIO = Scenario(agents=3, budget=(0.9, 0.7, 0.5), grid=8, nodes=24, neighbours=6, extent=(1.0, 0.8))

@@ -11,13 +11,14 @@ from shapely.geometry import LineString, Polygon
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.belief import Matern32, condition
+from maipp.engine import Decision, Planner, draw_missions, reset
+from maipp.engine.advance import advance
+from maipp.engine.observe import observe
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.policy_paths import Situation, path_measurements, sample_paths
 from maipp.planners.roadmap_step import edges
 from maipp.roadmap import laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Planner, draw_missions, reset
-from maipp.simulator.engine import advance, observe
 
 WALL = ((0.4, 0.3), (0.6, 0.3), (0.6, 1.1), (0.4, 1.1))
 SCENARIO = Scenario(agents=1, budget=1.4, grid=8, nodes=24, neighbours=6, obstacles=(WALL,))

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from maipp.belief import predict
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import observe
 from maipp.errors import InputError
 from maipp.planners.policy_planner import PolicyPlanner, log_probability
 from maipp.policy import save_weights
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import observe
 from maipp.typing import Array
 
 SCENARIO = Scenario(

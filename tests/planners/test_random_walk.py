@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import observe
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import observe
 
 SCENARIO = Scenario(agents=1, budget=1.0, grid=6, nodes=20, neighbours=6, last_leg="stop")
 DRAWS = 3000

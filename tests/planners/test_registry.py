@@ -22,7 +22,7 @@ from __future__ import annotations
 import equinox as eqx
 from typing import Literal
 from maipp.errors import InputError
-from maipp.simulator import Planner
+from maipp.engine import Planner
 
 class Still(Planner):
     """Stays where it is.

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.score import score_missions
 from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous, spare
 from maipp.roadmap import zones_of
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.metrics import score_missions
 
 MEETING = Rendezvous((0.5, 0.4), 0.1)
 unit = st.floats(0, 1, width=32)

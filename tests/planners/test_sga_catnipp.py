@@ -8,11 +8,12 @@ import pytest
 from jax import lax
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.rollout import step
 from maipp.planners.policy_planner import log_probability
 from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import due_agent, hear, observe, step
 
 SCENARIO = Scenario(agents=3, budget=(0.7, 0.6, 0.4), grid=8, nodes=24, neighbours=6)
 KEY = jax.random.key(0)

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
 
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.lookahead import measurement_offsets, predicted_trace
 from maipp.planners.sga_rrt import SgaRrt, grow_tree
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import due_agent, hear, observe, step
 
 SCENARIO = Scenario(agents=3, budget=(0.9, 0.9, 0.5), speed=(1.0, 1.0, 0.5), grid=8, extent=(1.0, 0.8))
 PLANNER = SgaRrt(SCENARIO, nodes=40)

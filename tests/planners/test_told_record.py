@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.episode import Episode
 from maipp.planners import make_planner
 from maipp.planners.announced import Announcement
 from maipp.planners.team_plan import TeamPlan
 from maipp.planners.told_record import Recorded, run_recorded, tells_plans, told_in
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.episode import Episode
 from maipp.team import Intent
 
 SCENARIO = Scenario(agents=2, budget=0.8, grid=8, nodes=12, neighbours=4)

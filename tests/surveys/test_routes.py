@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import shapely
 
+from maipp.engine.episode_io import dump_episode, parse_episode
 from maipp.errors import InputError
-from maipp.simulator.episode_io import dump_episode, parse_episode
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.expected_mission import expected_mission
 from maipp.surveys.routes import check_files, check_routes, minutes, route_plan, vertices

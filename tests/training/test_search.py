@@ -9,9 +9,9 @@ import numpy as np
 import optax
 import pytest
 
+from maipp.engine.observe import turn
 from maipp.errors import InputError
 from maipp.policy import load_policy
-from maipp.simulator.engine import turn
 from maipp.training.config import NAMED, TrainConfig
 from maipp.training.learner import Learner, _schedule
 from maipp.training.losses import Sample, sample_loss

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from maipp.engine.episode import AgentRecord, Episode
 from maipp.fields.raster import Mapping
 from maipp.scenario import Scenario
-from maipp.simulator.episode import AgentRecord, Episode
 
 SCENARIO = Scenario.create(
     agents=2, budget=0.8, grid=9, extent=[1.0, 0.5], start=[0.1, 0.1], obstacles=[[[0.7, 0.3], [0.9, 0.3], [0.8, 0.45]]]

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from maipp.engine.episode_io import write_episode
 from maipp.errors import InputError
-from maipp.simulator.episode_io import write_episode
 from maipp.viz.report import SurveyReport, report_html, write_report
 
 pytest.importorskip("plotly")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from maipp.engine.episode import Episode
 from maipp.scenario import Scenario
-from maipp.simulator.episode import Episode
 from maipp.team.told import Told
 from maipp.viz.report import SurveyReport, write_report
 

@@ -10,9 +10,9 @@ from maipp.adapters.form import Form
 from maipp.adapters.moves import begin, look, play
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.adapters.view import View
+from maipp.engine.mission import Field
+from maipp.engine.state import State
 from maipp.scenario import Scenario
-from maipp.simulator.mission import Field
-from maipp.simulator.state import State
 
 
 class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the other defines

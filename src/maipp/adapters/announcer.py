@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from maipp.simulator.decision import Planner, PyTree
+from maipp.engine.decision import Planner, PyTree
 from maipp.typing import Array, Float
 
 

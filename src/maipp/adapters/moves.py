@@ -9,11 +9,12 @@ import jax.numpy as jnp
 from maipp.adapters.announcer import Announcer, nothing_told
 from maipp.adapters.form import Form
 from maipp.adapters.view import View, Way, candidates_from, view_of
+from maipp.engine.advance import advance
+from maipp.engine.decision import Decision
+from maipp.engine.mission import Mission
+from maipp.engine.observe import hear, observe, time_tolerance, turn
+from maipp.engine.state import State, reset, route_capacity
 from maipp.scenario import Scenario
-from maipp.simulator.decision import Decision
-from maipp.simulator.engine import advance, hear, observe, time_tolerance, turn
-from maipp.simulator.mission import Mission
-from maipp.simulator.state import State, reset, route_capacity
 from maipp.typing import Array, Bool, Float, Index, Int
 
 Choice = Int[Array, ""] | Float[Array, "2"]  # index of a neighbour, or a waypoint, domain units

@@ -9,10 +9,10 @@ from pettingzoo import ParallelEnv
 from maipp.adapters.form import Form
 from maipp.adapters.moves import look_all, move, start
 from maipp.adapters.survey import RENDER_MODES, Survey
+from maipp.engine.mission import Field
+from maipp.engine.state import State
 from maipp.errors import InputError
 from maipp.scenario import Scenario
-from maipp.simulator.mission import Field
-from maipp.simulator.state import State
 
 Answer = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from maipp.simulator.episode import Episode
+from maipp.engine.episode import Episode
 from maipp.viz.maps import area_outline, draw_field, inside_only, prepare_map
 from maipp.viz.style import STD_MAP, VALUE_MAP, agent_colour, agent_line, halo
 

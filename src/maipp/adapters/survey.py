@@ -12,12 +12,12 @@ from maipp.adapters.form import MASKED, REWARDS, Form, check_form, check_option
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import action_space, as_observation, observation_space
 from maipp.adapters.view import SHORTEST_LEG, View
+from maipp.engine.episode import Episode
+from maipp.engine.mission import Field, Mission, draw_missions
+from maipp.engine.score import Metrics, score_missions
+from maipp.engine.state import State, route_capacity
 from maipp.errors import InputError
 from maipp.scenario import Scenario
-from maipp.simulator.episode import Episode
-from maipp.simulator.metrics import Metrics, score_missions
-from maipp.simulator.mission import Field, Mission, draw_missions
-from maipp.simulator.state import State, route_capacity
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 

@@ -6,11 +6,11 @@ import jax.numpy as jnp
 
 from maipp.adapters.form import MEAN_LIMIT, Form, blocks
 from maipp.belief import Belief
+from maipp.engine.decision import Observation
+from maipp.engine.score import interest_of
 from maipp.policy import node_features
 from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
-from maipp.simulator.decision import Observation
-from maipp.simulator.metrics import interest_of
 from maipp.typing import Array, Bool, Float, Index, Int, Point, Points, Vector
 
 # Legs up to this go nowhere, and whoever goes nowhere has stopped. Twice what the engine says, so that rounding never

@@ -10,13 +10,13 @@ import numpy as np
 import shapely
 
 from maipp.benchmarks.random_areas import AGENTS, BUDGET, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
+from maipp.engine import Mission, draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import clipped_sweep
 from maipp.roadmap import FreeSpace, Obstacles, Roadmap, free_space, laplacian_encoding, sample_roadmaps, zones_of
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, draw_missions, run_missions
 from maipp.typing import Float
 
 # An agent whose measurements are this many times in a row within this distance of their middle stays in one place.

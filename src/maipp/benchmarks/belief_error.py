@@ -11,10 +11,10 @@ from scipy.linalg import cholesky, solve_triangular
 
 from maipp.belief import Matern32, condition_near
 from maipp.benchmarks.mid_survey import walks
+from maipp.engine import Mission, draw_missions
+from maipp.engine.observe import window_reach
+from maipp.engine.score import interest_of
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, draw_missions
-from maipp.simulator.engine import window_reach
-from maipp.simulator.metrics import interest_of
 from maipp.typing import Array, Float
 
 # Made-up surveys: routes that criss-cross the whole domain, and such as hardly leave the start.

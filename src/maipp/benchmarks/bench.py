@@ -93,8 +93,8 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     import jax
 
     from maipp.benchmarks.latency import decision_time
+    from maipp.engine import draw_missions, run_missions
     from maipp.planners import make_planner
-    from maipp.simulator import draw_missions, run_missions
 
     planner = make_planner(name, scenario)
     batch = draw_missions(

@@ -17,14 +17,14 @@ import numpy as np
 from maipp.benchmarks.latency import DecisionTime, decision_time
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import missions_devices
+from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.rollout import lanes_at_most
+from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, draw_missions, run_missions
-from maipp.simulator.metrics import Metrics, score_missions
-from maipp.simulator.run import lanes_at_most
 from maipp.typing import Float, Key
 
 # Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose. At

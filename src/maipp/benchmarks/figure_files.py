@@ -17,12 +17,12 @@ from maipp.benchmarks.table_csv import compressed
 from maipp.benchmarks.table_rows import JOINT, Row
 from maipp.benchmarks.tables import TABLES
 from maipp.benchmarks.trace_curves import curves_csv, trace_curve
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.episode import Episode
 from maipp.errors import InputError
 from maipp.files import atomic_path, write_atomic
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.episode import Episode
 from maipp.viz import save_overview
 
 SURVEY, INTENTS, CURVES, STABILITY = "survey.png", "intents.png", "curves.png", "stability.png"

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.benchmarks.machine import versions
-from maipp.simulator import Planner
+from maipp.engine import Planner
 
 # What every survey runs through, whoever plans it.
-_SIMULATION = ("maipp.simulator.mission", "maipp.simulator.run", "maipp.simulator.metrics", "maipp.benchmarks.evaluate")
+_SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.benchmarks.evaluate")
 
 
 def planner_fingerprint(planner: Planner) -> dict[str, Any]:

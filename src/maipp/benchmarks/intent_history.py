@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.engine import Mission, Planner, State
 from maipp.planners.announced import Announcement
 from maipp.planners.told_record import run_recorded
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, State
 from maipp.team import Intent, fit_intent
 from maipp.team.intent import is_told, symmetric_kl
 from maipp.typing import Bool, Float, Int, Key

@@ -8,9 +8,10 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from maipp.engine import Decision, Mission, Planner, State, reset
+from maipp.engine.advance import advance
+from maipp.engine.observe import turn
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Mission, Planner, State, reset
-from maipp.simulator.engine import advance, turn
 from maipp.typing import Float, Index, Key
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from maipp.benchmarks.latency import first_decision_seconds
 from maipp.benchmarks.table_rows import Row
 from maipp.devices import missions_devices
+from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.engine import Mission, Planner, State, draw_missions, reset
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, State, draw_missions, reset
 from maipp.typing import Float
 
 # Standard deviation of the turn at each measurement, radians: about as crooked as the routes of the planners here.

@@ -16,11 +16,11 @@ from maipp.benchmarks.cells import Cell, CellResult
 from maipp.benchmarks.evaluate import Progress
 from maipp.benchmarks.fingerprint import code_digest
 from maipp.benchmarks.machine import machine, versions
+from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.score import Metrics, score_missions
 from maipp.fields.gp_field import draw_fields
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, draw_missions, run_missions
-from maipp.simulator.metrics import Metrics, score_missions
 
 # Mixed into the seed for the fields and for the planner's randomness, so that they share no key with an instance.
 _FIELD_STREAM, _PLANNER_STREAM = 0xFFFFFFFE, 0xFFFFFFFF

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.engine import draw_missions, reset
+from maipp.engine.observe import turn
+from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.planners.intent import IntentPlanner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset
-from maipp.simulator.engine import step, turn
 from maipp.team import Intent, destination_intent, trajectory_intent
 from maipp.typing import Bool, Float
 

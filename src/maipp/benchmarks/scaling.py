@@ -13,10 +13,11 @@ import jax
 import numpy as np
 
 from maipp.benchmarks.mid_survey import under_way
+from maipp.engine import Decision, Mission, State
+from maipp.engine.advance import advance
+from maipp.engine.observe import turn
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Mission, State
-from maipp.simulator.engine import advance, turn
 from maipp.typing import Index, Key
 
 PLANNERS = ("shared-greedy", "receding-horizon", "ti-star")

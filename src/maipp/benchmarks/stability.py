@@ -16,10 +16,10 @@ from maipp.benchmarks.intent_history import divergences, intents_told
 from maipp.benchmarks.paired import Paired, paired
 from maipp.benchmarks.planner_table import mean_and_error
 from maipp.benchmarks.table_rows import RRT_LONG, RRT_MEDIUM, RRT_SHORT, Row, intent_row
+from maipp.engine import draw_missions
+from maipp.engine.score import score_missions
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions
-from maipp.simulator.metrics import score_missions
 from maipp.typing import Float
 
 NODES = (3, 6, 9)  # of the sampled paths: j

@@ -9,11 +9,11 @@ import numpy as np
 from jax import lax
 
 from maipp.benchmarks.table_rows import Row, typed
+from maipp.engine import Mission, State, draw_missions, run_missions
+from maipp.engine.observe import time_tolerance
+from maipp.engine.score import trace_over_time
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, State, draw_missions, run_missions
-from maipp.simulator.engine import time_tolerance
-from maipp.simulator.metrics import trace_over_time
 from maipp.typing import Array, Float
 
 

@@ -14,8 +14,8 @@ from maipp.errors import InputError
 from maipp.scenario import Scenario
 
 if TYPE_CHECKING:
+    from maipp.engine.episode import Episode
     from maipp.fields.raster import Mapping, Raster
-    from maipp.simulator.episode import Episode
 
 WEST, EAST, SOUTH = 235.0, 237.05, 48.85  # degrees; the sample goes on to the north edge of this window
 DEPTH = 400.0  # metres; becomes 1 on the scenario's scale
@@ -76,7 +76,7 @@ def scenario_for(mapping: "Mapping") -> Scenario:
 def run(flags: Demo) -> int:
     """Plan the survey, write its files, print its numbers in metres and kilometres."""
     from maipp.cli.plan import report, survey
-    from maipp.simulator.found import found_by
+    from maipp.engine.found import found_by
 
     field = bathymetry()
     scenario = scenario_for(field.mapping)

@@ -20,9 +20,9 @@ from maipp.files import staged_folder, write_atomic
 from maipp.scenario import Scenario
 
 if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
+    from maipp.engine.episode import Episode
     from maipp.fields.raster import Mapping as FieldMapping
     from maipp.fields.raster import Raster
-    from maipp.simulator.episode import Episode
     from maipp.team.told import Told
 
 _REPORT = "report.html"
@@ -225,9 +225,9 @@ def _simulate(
     """The record, and for the report what the robots told each other where that says where they are going."""
     import jax
 
+    from maipp.engine import draw_missions, run_missions
+    from maipp.engine.episode import Episode
     from maipp.planners.told_record import run_recorded, tells_plans, told_in
-    from maipp.simulator import draw_missions, run_missions
-    from maipp.simulator.episode import Episode
 
     try:
         missions = draw_missions(
@@ -261,7 +261,7 @@ def _write_files(
     advance: Callable[[], None],
     drawn: Callable[[int, int], None] | None,
 ) -> None:
-    from maipp.simulator.episode_io import measurements_csv, waypoints_csv, write_episode
+    from maipp.engine.episode_io import measurements_csv, waypoints_csv, write_episode
     from maipp.viz import save_animation, save_overview
 
     write_episode(episode, folder / "episode.json")

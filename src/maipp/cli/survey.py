@@ -16,8 +16,8 @@ from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
+    from maipp.engine.episode import Episode
     from maipp.missions.route_plan import RoutePlan
-    from maipp.simulator.episode import Episode
     from maipp.surveys.expected_mission import Expected
     from maipp.surveys.standardise import PreparedSurvey
     from maipp.surveys.survey import Survey as MissionFile
@@ -144,8 +144,8 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
 
 def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RoutePlan", folder: Path) -> list[str]:
     """Everything that a planned survey leaves, in the folder; the names of the files."""
+    from maipp.engine.episode_io import write_episode
     from maipp.missions import write_mission_files
-    from maipp.simulator.episode_io import write_episode
     from maipp.surveys.picture import save_picture
 
     paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)

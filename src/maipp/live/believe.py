@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import condition_near
+from maipp.engine.observe import window_reach
 from maipp.live.measurements import Slots, slots_for
 from maipp.live.world import World
-from maipp.simulator.engine import window_reach
 from maipp.typing import Array, Bool, Float
 
 # Fewest points that are asked together; other numbers are filled up to a power of two, each a shape to compile for.

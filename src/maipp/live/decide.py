@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import condition_near
+from maipp.engine.decision import Observation
+from maipp.engine.observe import window_reach
+from maipp.engine.polyline import cut_leg
 from maipp.live.world import World
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Observation
-from maipp.simulator.engine import window_reach
-from maipp.simulator.legs import cut_leg
 from maipp.typing import Array, Bool, Float, Index
 
 

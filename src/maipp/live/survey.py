@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, decide_arrival
@@ -22,7 +23,6 @@ from maipp.live.units import Units
 from maipp.live.world import Setup, World, draw_world, make_setup
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import Planner
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 

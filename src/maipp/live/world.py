@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32
+from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.units import Units
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, draw_missions
 from maipp.typing import Array, Bool, Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.engine.decision import Observation
 from maipp.planners.told import count_told
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float
 
 

@@ -2,11 +2,11 @@
 
 import jax.numpy as jnp
 
+from maipp.engine.decision import Observation
 from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import Edges, current_node, edges, roadmap_of
 from maipp.planners.roadmap_ways import lengths_from, lengths_to
 from maipp.scenario import Scenario
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool
 
 # All in measurement intervals. Nodes nearer than the first are passed over where there are others.

@@ -3,10 +3,10 @@
 import equinox as eqx
 import jax.numpy as jnp
 
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted_trace
 from maipp.planners.told import count_told
-from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Key
 
 

@@ -11,13 +11,13 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
 from maipp.planners.policy_paths import Paths, Situation
 from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.team.intent import is_told
 from maipp.typing import Array, Bool, Float, Index, Int, Key

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
@@ -18,7 +19,6 @@ from maipp.planners.receding_horizon import LegMemory, first_memory
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.team import COVARIANCE_FLOOR, Intent, fit_intent, fuse_intents
 from maipp.typing import Array, Float, Key
 

@@ -3,12 +3,12 @@
 import equinox as eqx
 import jax.numpy as jnp
 
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.errors import InputError
 from maipp.planners.detour import TURNS, waypoints, ways_from
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import Sweep, clipped_sweep
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Array, Float, Index, Key
 
 _MOST_ROWS = 32

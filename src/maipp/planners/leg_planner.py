@@ -7,6 +7,7 @@ from jax.scipy.special import ndtr
 
 from maipp.belief import Belief
 from maipp.belief.interest import upper_confidence_bound
+from maipp.engine.decision import Observation
 from maipp.errors import InputError
 from maipp.planners.detour import long_run
 from maipp.planners.first_leg import FirstLeg, depart, either, length
@@ -17,7 +18,6 @@ from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
 from maipp.planners.transit import best_transit, first_part
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Int, Key
 
 # Width of the border of the area by which grid points are picked for the search, field units.

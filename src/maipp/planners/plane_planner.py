@@ -3,9 +3,9 @@
 import equinox as eqx
 import numpy as np
 
+from maipp.engine.decision import Planner
 from maipp.roadmap import Obstacles, check_starts
 from maipp.roadmap.zones import Zones, zones_of
-from maipp.simulator.decision import Planner
 
 
 class PlanePlanner(Planner):

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.errors import InputError
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted
@@ -15,7 +16,6 @@ from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import rendezvous
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
-from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Array, Float, Index, Int, Key, Vector
 
 

@@ -3,8 +3,8 @@
 import jax
 import jax.numpy as jnp
 
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.planners.edges_here import edges_here
-from maipp.simulator.decision import Decision, Observation, Planner, PyTree
 from maipp.typing import Key
 
 

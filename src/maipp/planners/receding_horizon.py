@@ -6,13 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Array, Float, Key
 
 

@@ -15,7 +15,7 @@ from maipp.planners.options import PlannerOption, options_of, read_options, unkn
 from maipp.scenario import Scenario
 
 if TYPE_CHECKING:
-    import maipp.simulator.decision
+    import maipp.engine.decision
 
 
 class Registered(NamedTuple):
@@ -84,14 +84,14 @@ def find_planner(name: str) -> Registered:
     raise InputError(f"{unknown('planner', name, list(_REGISTERED))}, or path/to/file.py:ClassName")
 
 
-def planner_class(name: str) -> "type[maipp.simulator.decision.Planner]":
+def planner_class(name: str) -> "type[maipp.engine.decision.Planner]":
     """The class behind a planner's name. Raises `InputError` where it cannot be imported or is no planner."""
-    from maipp.simulator.decision import Planner
+    from maipp.engine.decision import Planner
 
     target = find_planner(name).target
     found = _import_target(name, target) if isinstance(target, str) else target
     if not (isinstance(found, type) and issubclass(found, Planner)):
-        raise InputError(f"planner {name}: it is no planner; give a subclass of maipp.simulator.Planner")
+        raise InputError(f"planner {name}: it is no planner; give a subclass of maipp.engine.Planner")
     return found
 
 
@@ -107,7 +107,7 @@ def planner_summary(name: str) -> str:
 
 def make_planner(
     name: str, scenario: Scenario, options: Mapping[str, object] | None = None
-) -> "maipp.simulator.decision.Planner":
+) -> "maipp.engine.decision.Planner":
     """The planner of that name for a scenario.
 
     `name` is a registered one, `path/to/file.py:Class` or `package.module:Class`. Options are given as values or as

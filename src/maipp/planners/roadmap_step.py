@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from maipp.engine.decision import Observation
 from maipp.planners.rendezvous import Rendezvous, in_time
 from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Index, Int
 
 

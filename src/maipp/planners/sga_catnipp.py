@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.planners.told import count_told
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Key
 
 

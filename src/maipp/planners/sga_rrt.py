@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief
+from maipp.engine.decision import Decision, Observation, PyTree
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.detour import long_run
@@ -19,7 +20,6 @@ from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.transit import best_transit, first_part
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Decision, Observation, PyTree
 from maipp.typing import Array, Bool, Float, Int, Key
 
 # Samples that each node of the tree has where there are no-go zones, until one gives a free edge.

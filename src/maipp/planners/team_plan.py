@@ -7,11 +7,11 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief, extend
+from maipp.engine.decision import Observation
 from maipp.planners.announced import Announcement
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.plan_search import descend
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Bool, Float, Index, Key
 
 

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from maipp.engine import Mission, Planner, State, reset
+from maipp.engine.observe import due_agent
+from maipp.engine.rollout import refuse_to_cross, step
 from maipp.planners.announced import Announcement
 from maipp.planners.team_plan import TeamPlan
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, Planner, State, reset
-from maipp.simulator.engine import due_agent, step
-from maipp.simulator.run import refuse_to_cross
 from maipp.team import Intent
 from maipp.team.told import Told
 from maipp.typing import Array, Bool, Float, Int, Key

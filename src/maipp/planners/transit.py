@@ -6,9 +6,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.engine.polyline import along
 from maipp.planners.detour import sight, waypoints, ways_from
 from maipp.roadmap.zones import Zones
-from maipp.simulator.legs import along
 from maipp.typing import Array, Float, Point
 
 # Points of the evaluation grid to which ways are looked up, and of those the ones whose measurement is predicted.

@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.episode import Episode
 from maipp.errors import InputError
 from maipp.planners.told_record import run_recorded, tells_plans, told_in
-from maipp.simulator import Mission, Planner, draw_missions, run_missions
-from maipp.simulator.episode import Episode
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.team.told import Told

@@ -6,8 +6,8 @@ import os
 import numpy as np
 from matplotlib.figure import Figure
 
+from maipp.engine.episode import Episode
 from maipp.files import atomic_path
-from maipp.simulator.episode import Episode
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.viz.maps import colour_bar, draw_field, draw_routes, legend_below, legend_of, map_size, prepare_map
 from maipp.viz.style import GREY, LARGE, MEDIUM, STD_MAP, VALUE_MAP, add_axes, new_figure

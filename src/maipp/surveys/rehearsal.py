@@ -12,10 +12,10 @@ import numpy as np
 from jax import lax
 
 from maipp.belief import Matern32, rmse
+from maipp.engine import Mission, State, run_missions
+from maipp.engine.found import area_found
+from maipp.engine.score import interest_of, pooled_belief
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, State, run_missions
-from maipp.simulator.found import area_found
-from maipp.simulator.metrics import interest_of, pooled_belief
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import shapely
 
+from maipp.engine.episode import AgentRecord, Episode
 from maipp.errors import InputError
 from maipp.missions.route_plan import Route, RoutePlan
-from maipp.simulator.episode import AgentRecord, Episode
 from maipp.surveys.frame import Frame
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float

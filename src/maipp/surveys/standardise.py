@@ -21,7 +21,7 @@ from maipp.surveys.survey import Survey
 from maipp.typing import Float
 
 if TYPE_CHECKING:
-    from maipp.simulator.decision import Planner
+    from maipp.engine.decision import Planner
 
 # A standardised threshold below anything that a belief rules out: the whole area is of interest.
 _EVERYTHING = -4.0

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.score import score_missions
 from maipp.planners import make_planner
 from maipp.policy import PolicyNetwork
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.metrics import score_missions
 from maipp.training.config import TrainConfig
 
 # Apart from the seeds 0, 1, 2... that people give to `maipp evaluate` and to training.

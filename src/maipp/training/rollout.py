@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.engine.advance import advance
+from maipp.engine.observe import turn
+from maipp.engine.state import State, reset
 from maipp.planners.policy_planner import PolicyPlanner
 from maipp.policy import Memory
 from maipp.scenario import Scenario
-from maipp.simulator.engine import advance, turn
-from maipp.simulator.state import State, reset
 from maipp.training.config import TrainConfig
 from maipp.training.search import Elites, find_elites
 from maipp.training.teacher import no_plan, teach

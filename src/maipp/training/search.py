@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.engine.decision import Observation
 from maipp.planners.policy_paths import virtual_views
 from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.policy import PolicyNetwork, Prepared
 from maipp.policy.network import Memory
-from maipp.simulator.decision import Observation
 from maipp.training.config import TrainConfig
 from maipp.typing import Array, Bool, Float, Int, Key
 

@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
+from maipp.engine.decision import Observation
 from maipp.planners.headings import walk
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import along_paths, measurement_offsets
 from maipp.planners.policy_view import PolicyView
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
-from maipp.simulator.decision import Observation
 from maipp.typing import Array, Float, Key
 
 # How much farther from the plan a node may lie for each unit that it lies farther ahead: measured on 48 worlds of

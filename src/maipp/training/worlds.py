@@ -5,10 +5,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from maipp.engine import Mission, draw_missions
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.simulator import Mission, draw_missions
 from maipp.training.config import TrainConfig
 from maipp.typing import Array, Float, Index, Int, Key
 

@@ -13,9 +13,9 @@ from matplotlib.image import AxesImage
 from matplotlib.path import Path
 from matplotlib.ticker import LogFormatter
 
+from maipp.engine.episode import Episode
 from maipp.errors import InputError
 from maipp.files import atomic_path
-from maipp.simulator.episode import Episode
 from maipp.typing import Float
 from maipp.viz.captions import headline
 from maipp.viz.maps import (

@@ -1,6 +1,6 @@
 """The words on the pictures."""
 
-from maipp.simulator.episode import Episode
+from maipp.engine.episode import Episode
 
 
 def headline(episode: Episode) -> str:

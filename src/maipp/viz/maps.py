@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
-from maipp.simulator.episode import Episode
+from maipp.engine.episode import Episode
 from maipp.typing import Bool, Float
 from maipp.viz.style import (
     AREA_COLOUR,

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from maipp.engine.episode import Episode
 from maipp.files import atomic_path
-from maipp.simulator.episode import Episode
 from maipp.viz.captions import headline, numbers_line
 from maipp.viz.maps import (
     area_outline,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maipp.simulator.engine import time_tolerance
+from maipp.engine.observe import time_tolerance
 from maipp.team.told import Told
 from maipp.typing import Float, Int
 from maipp.viz.maps import inside_only

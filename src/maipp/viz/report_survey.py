@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maipp.engine.episode import Episode
 from maipp.errors import InputError
-from maipp.simulator.episode import Episode
 from maipp.team.told import Told
 from maipp.typing import Float
 

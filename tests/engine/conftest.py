@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from jax import lax
 
+from maipp.engine import Decision, Planner, draw_missions, reset, run_missions
+from maipp.engine.episode import Episode
+from maipp.engine.episode_io import dump_episode
+from maipp.engine.rollout import step
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Planner, draw_missions, reset, run_missions
-from maipp.simulator.engine import step
-from maipp.simulator.episode import Episode
-from maipp.simulator.episode_io import dump_episode
 
 RECORDED = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3)
 

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.engine import Decision, Planner, draw_missions, rollout, run_missions
 from maipp.errors import InputError
 from maipp.planners.greedy import Greedy
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Planner, draw_missions, run, run_missions
 
 SETTINGS = {"agents": 2, "budget": (0.6, 0.5), "grid": 8, "nodes": 20, "neighbours": 5, "comm_range": 0.4}
 SCENARIO = Scenario(**SETTINGS)
@@ -100,18 +100,18 @@ def test_lanes_and_devices_do_not_matter(missions, together, monkeypatch, lanes,
     """Five missions fit no number of lanes and no number of devices: the batch is padded, and the padding cut off."""
     if len(jax.local_devices()) < devices:
         pytest.skip(f"needs {devices} devices")
-    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:devices])
-    monkeypatch.setattr(run, "lanes_at_most", lambda planner: lanes)
+    monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:devices])
+    monkeypatch.setattr(rollout, "lanes_at_most", lambda planner: lanes)
     assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
 
 
 def test_thousands_of_lanes_wait_for_each_other_and_nothing_changes(monkeypatch):
     """With 32 lanes two missions must have ended before any lane takes up another."""
     many = draw_missions(SCENARIO, seed=1, instances=64, roadmaps=False)
-    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
+    monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:1])
     ended = []
     for lanes in (32, 5):
-        monkeypatch.setattr(run, "lanes_at_most", lambda planner, lanes=lanes: lanes)
+        monkeypatch.setattr(rollout, "lanes_at_most", lambda planner, lanes=lanes: lanes)
         ended.append(run_missions(SCENARIO, drift(), many, KEY))
     assert_close(*ended)
 
@@ -135,8 +135,8 @@ def test_a_lane_takes_the_next_mission_as_soon_as_its_own_has_ended(monkeypatch)
     drawn = draw_missions(SCENARIO, seed=1, instances=count, roadmaps=False)
     short = drawn.budgets.at[1::2].set(0.05)
     mixed = eqx.tree_at(lambda m: m.budgets, drawn, short)
-    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:1])
-    monkeypatch.setattr(run, "lanes_at_most", lambda planner: lanes)
+    monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:1])
+    monkeypatch.setattr(rollout, "lanes_at_most", lambda planner: lanes)
     Counted.steps = 0
     states = run_missions(SCENARIO, Counted(SCENARIO, jnp.asarray(0.1)), mixed, KEY)
     jax.effects_barrier()
@@ -150,7 +150,7 @@ def test_a_lane_takes_the_next_mission_as_soon_as_its_own_has_ended(monkeypatch)
 def test_work_is_spread_over_the_devices(missions, monkeypatch):
     if len(jax.local_devices()) < 2:
         pytest.skip("needs 2 devices")
-    monkeypatch.setattr(run, "missions_devices", lambda: jax.local_devices()[:2])
+    monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:2])
     states = run_missions(SCENARIO, drift(), head(missions, 4), KEY)
     assert states.route.sharding.device_set == set(jax.local_devices()[:2])
 

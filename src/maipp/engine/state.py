@@ -6,10 +6,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from maipp.engine.decision import Planner
+from maipp.engine.mission import Mission
+from maipp.engine.polyline import along
 from maipp.scenario import Scenario
-from maipp.simulator.decision import Planner
-from maipp.simulator.legs import along
-from maipp.simulator.mission import Mission
 from maipp.typing import Array, Bool, Float, Int
 
 

@@ -15,19 +15,19 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.belief import PriorSamples
-from maipp.fields.raster import Mapping
-from maipp.planners.sga_rrt import SgaRrt
-from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.checked_json import pretty
-from maipp.simulator.episode import AgentRecord, Episode, replay, shortest
-from maipp.simulator.episode_io import (
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.checked_json import pretty
+from maipp.engine.episode import AgentRecord, Episode, replay, shortest
+from maipp.engine.episode_io import (
     dump_episode,
     parse_episode,
     read_episode,
     write_episode,
 )
-from maipp.simulator.metrics import score_missions
+from maipp.engine.score import score_missions
+from maipp.fields.raster import Mapping
+from maipp.planners.sga_rrt import SgaRrt
+from maipp.scenario import Scenario
 
 MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))

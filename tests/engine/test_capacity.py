@@ -4,10 +4,10 @@ import jax
 import numpy as np
 import pytest
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.score import score_missions
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.metrics import score_missions
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=8, nodes=20, neighbours=6)
 

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp.engine import draw_missions
 from maipp.roadmap import Obstacles, laplacian_encoding
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions
 
 SCENARIO = Scenario(agents=2, budget=(0.5, 0.8), speed=(1.0, 2.0), grid=9, nodes=15, neighbours=4, extent=(2.0, 1.0))
 WALL = ((0.9, 0.0), (1.1, 0.0), (1.1, 0.8), (0.9, 0.8))

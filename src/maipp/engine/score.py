@@ -7,9 +7,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief, Interest, Matern32, condition, rmse, trace
+from maipp.engine.mission import Mission
+from maipp.engine.state import State
 from maipp.scenario import Scenario
-from maipp.simulator.mission import Mission
-from maipp.simulator.state import State
 from maipp.typing import Array, Bool, Float
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.score import interest_of, pooled_belief, score_missions, trace_over_time
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, reset, run_missions
-from maipp.simulator.metrics import interest_of, pooled_belief, score_missions, trace_over_time
 
 WALL = ((0.4, 0.2), (0.6, 0.2), (0.6, 0.6), (0.4, 0.6))
 SCENARIO = Scenario(

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from maipp.engine.episode import Episode
+from maipp.engine.mission import Mission
+from maipp.engine.score import interest_of, moments_of, taken_by
+from maipp.engine.state import State
 from maipp.scenario import Scenario
-from maipp.simulator.episode import Episode
-from maipp.simulator.metrics import interest_of, moments_of, taken_by
-from maipp.simulator.mission import Mission
-from maipp.simulator.state import State
 from maipp.typing import Array, Bool, Float
 
 # What counts as predicted: where the upper confidence bound reaches the threshold (the predicted high-interest area),

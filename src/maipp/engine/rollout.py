@@ -12,12 +12,14 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 
 from maipp.devices import missions_devices
+from maipp.engine.advance import advance
+from maipp.engine.decision import Planner
+from maipp.engine.mission import Mission
+from maipp.engine.observe import turn
+from maipp.engine.rows import pick
+from maipp.engine.state import State, reset
 from maipp.errors import InputError
 from maipp.scenario import Scenario
-from maipp.simulator.decision import Planner
-from maipp.simulator.engine import step
-from maipp.simulator.mission import Mission
-from maipp.simulator.state import State, reset
 from maipp.typing import Array, Bool, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
@@ -32,6 +34,14 @@ def batch_size(missions: Mission) -> int:
 def lanes_at_most(planner: Planner) -> int:
     """Missions that one device steps together, at most."""
     return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_LANES
+
+
+def step(scenario: Scenario, planner: Planner, mission: Mission, state: State, key: Key) -> State:
+    """One event: the due agent hears, observes, decides, sets off. A finished mission is returned unchanged."""
+    state, agent, observation = turn(scenario, mission, state)
+    memory = jax.tree.map(lambda a: pick(a, agent), state.memory)
+    decision = planner.decide(jax.random.fold_in(key, state.events), observation, memory)
+    return advance(scenario, planner, mission, state, agent, decision)
 
 
 class _Lanes(NamedTuple):
@@ -51,7 +61,7 @@ def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
     """
     count = batch_size(missions)
     begin = partial(reset, scenario, planner)
-    advance = jax.vmap(partial(step, scenario, planner))
+    go = jax.vmap(partial(step, scenario, planner))
     # Taking up missions copies the worlds of all lanes: too much for every step of an accelerator's thousands of lanes.
     enough = max(1, lanes // 16)
 
@@ -70,7 +80,7 @@ def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
             relief = (lane.waiting < count) & (jnp.sum(over(state)) >= enough)
             return jnp.any(state.active) & ~relief
 
-        state = lax.while_loop(travelling, lambda state: advance(mission, state, key), state)
+        state = lax.while_loop(travelling, lambda state: go(mission, state, key), state)
         return put_away(lane._replace(state=state), over(state))
 
     def put_away(lane: _Lanes, over: Bool[Array, " l"]) -> _Lanes:

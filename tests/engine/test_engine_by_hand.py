@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import Decision, Planner, draw_missions, run_missions
+from maipp.engine.state import route_capacity
 from maipp.scenario import Scenario
-from maipp.simulator import Decision, Planner, draw_missions, run_missions
-from maipp.simulator.state import route_capacity
 
 AGENTS, DECISIONS, WAYPOINTS, INTERVAL = 3, 6, 2, 0.2
 SEEDS = st.integers(0, 2**32 - 1)

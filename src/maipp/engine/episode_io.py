@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from maipp.belief import PriorSamples
+from maipp.engine.checked_json import Key, pretty
+from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
 from maipp.errors import InputError
 from maipp.fields.raster import Mapping
 from maipp.files import write_atomic
 from maipp.scenario import Scenario, ScenarioError
-from maipp.simulator.checked_json import Key, pretty
-from maipp.simulator.episode import AgentRecord, Episode, EpisodeMetrics, shortest
 
 SCHEMA = "maipp.episode/1"
 

@@ -12,15 +12,15 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Matern
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.episode import Episode, replay
+from maipp.engine.observe import observe
+from maipp.engine.prior_checks import prior_arrays
+from maipp.engine.score import pooled_belief, score_missions, trace_over_time
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.engine import observe
-from maipp.simulator.episode import Episode, replay
-from maipp.simulator.metrics import pooled_belief, score_missions, trace_over_time
-from maipp.simulator.prior_checks import prior_arrays
 
 SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3, threshold=0.3)
 SAMPLES = 12

@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.belief import PriorSamples
-from maipp.errors import InputError
-from maipp.fields.raster import Mapping
-from maipp.scenario import Scenario
-from maipp.simulator.episode_io import (
+from maipp.engine.episode_io import (
     dump_episode,
     measurements_csv,
     parse_episode,
     read_episode,
     waypoints_csv,
 )
+from maipp.errors import InputError
+from maipp.fields.raster import Mapping
+from maipp.scenario import Scenario
 
 MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))

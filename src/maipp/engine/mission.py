@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import PriorSamples
+from maipp.engine.decision import Planner
+from maipp.engine.prior_checks import prior_arrays
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
-from maipp.simulator.decision import Planner
-from maipp.simulator.prior_checks import prior_arrays
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]

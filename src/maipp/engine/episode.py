@@ -11,14 +11,14 @@ from jax import lax
 
 from maipp.belief import PriorSamples, condition, mutual_information, trace
 from maipp.belief.interest import upper_confidence_bound
+from maipp.engine.episode_units import Units
+from maipp.engine.mission import Mission
+from maipp.engine.observe import time_tolerance
+from maipp.engine.score import interest_of, kernel_of
+from maipp.engine.state import State
 from maipp.fields import evaluation_grid
 from maipp.fields.raster import Mapping
 from maipp.scenario import Scenario
-from maipp.simulator.engine import time_tolerance
-from maipp.simulator.episode_units import Units
-from maipp.simulator.metrics import interest_of, kernel_of
-from maipp.simulator.mission import Mission
-from maipp.simulator.state import State
 from maipp.typing import Array, Bool, Float, Int
 
 # Beliefs computed by one call of the compiled function. One size for every purpose means one compilation, and a

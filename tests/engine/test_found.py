@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import precision_score, recall_score
 
+from maipp.engine import draw_missions, run_missions
+from maipp.engine.episode import Episode
+from maipp.engine.found import area_found, found_by, score_found
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
-from maipp.simulator import draw_missions, run_missions
-from maipp.simulator.episode import Episode
-from maipp.simulator.found import area_found, found_by, score_found
 
 WALL = ((0.4, 0.2), (0.6, 0.2), (0.6, 0.6), (0.4, 0.6))
 SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=20, neighbours=5, threshold=0.3, obstacles=(WALL,))
