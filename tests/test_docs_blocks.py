@@ -84,7 +84,7 @@ def _an_episode(folder: Path) -> None:
     scenario = maipp.Scenario(agents=3, budget=0.6, grid=8, nodes=12, neighbours=4)
     planner = maipp.make_planner("random", scenario)
     missions = maipp.draw_missions(scenario, seed=0, instances=1)
-    states = maipp.run_missions(scenario, planner, missions, jax.random.key(0))
+    states = maipp.run_missions(planner, missions, jax.random.key(0))
     (folder / "out" / "plan").mkdir(parents=True)
     write_episode(Episode.from_state(scenario, "random", {}, 0, missions, states), folder / "out/plan/episode.json")
 

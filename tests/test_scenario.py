@@ -35,7 +35,7 @@ def test_defaults_are_the_calibrated_protocol():
     assert (scenario.length_scale, scenario.threshold, scenario.beta) == (0.45, 0.4, 1.0)
     assert (scenario.interest_rule, scenario.nodes, scenario.neighbours) == ("std", 200, 20)
     assert scenario.grid_points * scenario.signal_variance == 900  # Tr(P) before any measurement
-    assert scenario.is_global and scenario.starts is None
+    assert not scenario.limited and scenario.starts is None
     # A bump's standard deviation is the fourth root of what mixture_variance holds.
     assert [round(x**0.25, 3) for x in scenario.mixture_variance] == [0.084, 0.119]
 
@@ -203,7 +203,7 @@ def test_one_value_is_shared_by_every_agent():
 
 
 def test_limited_range_is_not_global():
-    assert not Scenario(comm_range=0.3).is_global
+    assert Scenario(comm_range=0.3).limited
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def survey(scenario: maipp.Scenario, seed: int = 0) -> jax.Array:
     """The routes (1, m, vertices, 2) of one survey."""
     planner = maipp.make_planner("best-heading", scenario, {"headings": 8})
     missions = maipp.draw_missions(scenario, seed=seed, instances=1, planner=planner)
-    return maipp.run_missions(scenario, planner, missions, jax.random.key(seed)).route
+    return maipp.run_missions(planner, missions, jax.random.key(seed)).route
 
 
 if __name__ == "__main__":

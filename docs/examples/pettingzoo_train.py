@@ -58,8 +58,8 @@ def compare(env: Any, weights: np.ndarray, rng: np.random.Generator, worlds: int
     traces["shared-greedy"] = []
     for seed in range(worlds):
         missions = maipp.draw_missions(env.scenario, seed=seed, instances=1)  # what env.reset(seed=seed) draws
-        states = maipp.run_missions(env.scenario, planner, missions, jax.random.key(seed))
-        traces["shared-greedy"].append(float(maipp.score_missions(env.scenario, missions, states).trace[0]))
+        states = maipp.run_missions(planner, missions, jax.random.key(seed))
+        traces["shared-greedy"].append(float(maipp.score_missions(missions, states).trace[0]))
     return {name: np.array(values) for name, values in traces.items()}
 
 

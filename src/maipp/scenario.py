@@ -304,9 +304,24 @@ class Scenario:
         return self.grid * self.grid
 
     @property
-    def is_global(self) -> bool:
-        """Whether every agent hears every other at any distance."""
-        return self.comm_range is None
+    def limited(self) -> bool:
+        """Whether agents hear each other only within a range."""
+        return self.comm_range is not None
+
+    @property
+    def has_zones(self) -> bool:
+        """Whether there are no-go zones."""
+        return bool(self.obstacles)
+
+    @property
+    def finest_interval(self) -> float:
+        """The measurement interval: look-aheads have room for one measurement each."""
+        return self.measurement_interval
+
+    @property
+    def usual_edge(self) -> float:
+        """Length that few edges of a roadmap exceed: the radius of a disc that holds as many nodes as neighbours."""
+        return math.sqrt(self.neighbours * self.extent[0] * self.extent[1] / (math.pi * self.nodes))
 
 
 def describe_fields() -> tuple[FieldDescription, ...]:

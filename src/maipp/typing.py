@@ -9,7 +9,24 @@ Points = Float[Array, "n 2"]  # positions in domain units
 Vector = Float[Array, " n"]
 Mask = Bool[Array, " n"]
 Index = Int[Array, ""]
+Extent = tuple[float, float] | Float[Array, "2"]  # width and height, domain units
+Real = float | Float[Array, ""]  # a number of a scenario: a float on the host, an array in compiled code
 Key = PRNGKeyArray
 Keys = jaxtyping.Key[Array, " b"]  # a typed key for each of a batch
 
-__all__ = ["Array", "Bool", "Float", "Index", "Int", "Key", "Keys", "Mask", "Point", "Points", "Scalar", "Vector"]
+__all__ = [
+    "Array",
+    "Bool",
+    "Extent",
+    "Float",
+    "Index",
+    "Int",
+    "Key",
+    "Keys",
+    "Mask",
+    "Point",
+    "Points",
+    "Real",
+    "Scalar",
+    "Vector",
+]

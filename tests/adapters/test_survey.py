@@ -28,7 +28,7 @@ def planner_survey(scenario, name, seed):
     """The mission and the final state of a registered planner's survey."""
     planner = maipp.make_planner(name, scenario)
     missions = maipp.draw_missions(scenario, seed=seed, instances=1)
-    return maipp.run_missions(scenario, planner, missions, jax.random.key(seed))
+    return maipp.run_missions(planner, missions, jax.random.key(seed))
 
 
 def numbers(state):
@@ -104,7 +104,7 @@ def test_a_planner_s_choices_give_its_survey(scenario, name, kind):
     mission, state = env.simulator_state()
     for key, value in numbers(final).items():
         np.testing.assert_allclose(numbers(state)[key], value, atol=1e-5, err_msg=key)
-    expected = maipp.score_missions(scenario, mission, final)
+    expected = maipp.score_missions(mission, final)
     np.testing.assert_allclose(env.metrics().own_trace, expected.own_trace, rtol=1e-3)
     assert env.episode().decisions == int(final.events[0])
 

@@ -30,7 +30,7 @@ def test_values_are_those_of_the_missions_it_says(evaluation):
     planner = make_planner("greedy", SCENARIO)
     missions = draw_missions(SCENARIO, seed=5, instances=2, trials=3)
     # Greedy draws nothing, so any key gives its results.
-    metrics = score_missions(SCENARIO, missions, run_missions(SCENARIO, planner, missions, jax.random.key(99)))
+    metrics = score_missions(missions, run_missions(planner, missions, jax.random.key(99)))
     for metric, values in evaluation.values.items():
         np.testing.assert_allclose(values, np.asarray(getattr(metrics, metric)).reshape(2, 3), rtol=1e-5, atol=1e-6)
 
@@ -63,7 +63,7 @@ def test_missions_kept_from_another_planner_have_the_encodings_that_this_one_rea
     def ended(scenario, planner, missions, key, *, first=0):
         """How the missions end is not asked here: as those of another planner do."""
         drawn.append(missions.roadmap.encoding)
-        return run_missions(scenario, make_planner("greedy", SCENARIO), missions, key, first=first)
+        return run_missions(make_planner("greedy", SCENARIO), missions, key, first=first)
 
     monkeypatch.setattr(module, "run_missions", ended)
     for _ in range(2):

@@ -59,8 +59,8 @@ def test_a_mission_that_has_ended_has_no_paths():
 def test_a_curve_ends_where_the_metrics_do(curve):
     planner = make_planner("random", SCENARIO)
     missions = draw_missions(SCENARIO, seed=4, instances=3)
-    states = run_missions(SCENARIO, planner, missions, jax.random.key(4))
-    np.testing.assert_allclose(curve.trace[:, -1], score_missions(SCENARIO, missions, states).trace, rtol=1e-4)
+    states = run_missions(planner, missions, jax.random.key(4))
+    np.testing.assert_allclose(curve.trace[:, -1], score_missions(missions, states).trace, rtol=1e-4)
     np.testing.assert_allclose(curve.distance, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
     np.testing.assert_allclose(curve.trace[:, 0], SCENARIO.grid_points)
 

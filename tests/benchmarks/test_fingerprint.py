@@ -12,9 +12,12 @@ from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.fingerprint import code_digest, planner_fingerprint, weights_digest
 from maipp.benchmarks.table_rows import Row
 from maipp.planners import make_planner
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
-CELL = Cell(Row("one", "greedy"), Scenario(budget=2.0), instances=3, trials=2, seed=0, longest_budget=None)
+CELL = Cell(
+    Row("one", "greedy"), Scenario(budget=2.0), instances=3, trials=2, seed=0, shape=shape_of(Scenario(budget=2.0))
+)
 
 
 @pytest.mark.parametrize(
@@ -26,12 +29,16 @@ CELL = Cell(Row("one", "greedy"), Scenario(budget=2.0), instances=3, trials=2, s
         {"instances": 4},
         {"trials": 3},
         {"seed": 1},
-        {"longest_budget": 3.0},
     ],
 )
 def test_what_decides_the_numbers_changes_the_file(change):
     other = dataclasses.replace(CELL, **change)
     assert other.made_by != CELL.made_by and other.file != CELL.file
+
+
+def test_the_shape_it_is_compiled_in_decides_nothing():
+    other = dataclasses.replace(CELL, shape=shape_of(Scenario(budget=3.0)))
+    assert other.made_by == CELL.made_by and other.file == CELL.file
 
 
 def test_options_spelled_out_or_left_at_their_defaults_are_the_same():

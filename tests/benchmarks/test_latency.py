@@ -16,14 +16,14 @@ def test_one_time_for_each_decision_that_the_simulator_takes():
     planner = make_planner("random", SCENARIO)
     missions = draw_missions(SCENARIO, seed=1, instances=3)
     key = jax.random.key(2)
-    events = np.asarray(run_missions(SCENARIO, planner, missions, key).events)
-    assert decision_seconds(SCENARIO, planner, missions, key, least=10**6).shape == (events.sum(),)
-    assert decision_seconds(SCENARIO, planner, missions, key, least=1).shape == (events[0],)
+    events = np.asarray(run_missions(planner, missions, key).events)
+    assert decision_seconds(planner, missions, key, least=10**6).shape == (events.sum(),)
+    assert decision_seconds(planner, missions, key, least=1).shape == (events[0],)
 
 
 def test_the_p95_is_not_below_the_median():
     planner = make_planner("random", SCENARIO)
-    time = decision_time(SCENARIO, planner, draw_missions(SCENARIO, seed=1, instances=1), jax.random.key(2))
+    time = decision_time(planner, draw_missions(SCENARIO, seed=1, instances=1), jax.random.key(2))
     assert 0 < time.median <= time.p95 and time.decisions > 0
 
 

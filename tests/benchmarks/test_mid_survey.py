@@ -25,7 +25,7 @@ def test_walks_stay_in_the_domain_and_measure_at_every_interval():
 def test_everybody_is_due_and_knows_what_everybody_has_measured(name):
     planner = make_planner(name, SCENARIO)
     mission, state = under_way(SCENARIO, planner, seed=1, count=COUNT)
-    after, agent, observation = jax.jit(lambda m, s: turn(SCENARIO, m, s))(mission, state)
+    after, agent, observation = jax.jit(lambda m, s: turn(m, s))(mission, state)
     assert int(agent) == 0 and int(observation.known.sum()) == 3 * COUNT
     assert float(observation.remaining) == pytest.approx(1.2 - COUNT * 0.2, abs=1e-5)
     assert float(observation.to_next_measurement) == pytest.approx(0.2, abs=1e-5)

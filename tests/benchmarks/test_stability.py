@@ -23,7 +23,7 @@ def told():
     planner = make_planner("sga-rrt", SCENARIO, {"nodes": 12})
     missions = draw_missions(SCENARIO, seed=1, instances=3, roadmaps=False)
     key = jax.random.key(2)
-    return intents_told(SCENARIO, planner, missions, key), run_missions(SCENARIO, planner, missions, key)
+    return intents_told(planner, missions, key), run_missions(planner, missions, key)
 
 
 def test_the_missions_are_those_of_the_simulator(told):

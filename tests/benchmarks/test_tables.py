@@ -7,6 +7,7 @@ from maipp.benchmarks.evaluate import evaluate
 from maipp.benchmarks.tables import TABLES
 from maipp.errors import InputError
 from maipp.planners import make_planner
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 
@@ -52,23 +53,19 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
     [
         ("random", {}),
         ("shared-greedy", {}),
+        ("lawnmower", {}),
         ("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
         ("ti-star", {"weights": "untrained", "paths": 2, "steps": 2}),
     ],
 )
-def test_planners_compiled_for_a_longer_budget_do_the_same(planner, options):
-    assert all(row.one_compilation for row in TABLES["table1"].rows if row.planner == planner)
+def test_planners_compiled_in_a_shared_shape_do_the_same(planner, options):
     scenario = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
+    shape = shape_of([scenario, scenario.replace(budget=1.2, comm_range=0.3)])
     own, longer = (
-        evaluate(scenario, planner, options, instances=2, trials=1, timing=False, longest_budget=longest).values
-        for longest in (None, 1.2)
+        evaluate(scenario, planner, options, instances=2, trials=1, timing=False, shape=one).values
+        for one in (None, shape)
     )
     assert own["distance"] == pytest.approx(longer["distance"], abs=1e-4)
     assert own["trace"] == pytest.approx(longer["trace"], rel=1e-3)
-
-
-def test_a_longest_budget_below_the_budget_is_refused():
-    with pytest.raises(InputError, match="longest_budget: 1 is below"):
-        evaluate(Scenario(budget=2.0), "random", instances=1, trials=1, longest_budget=1.0)

@@ -56,11 +56,11 @@ def states_of(scenario, planner, mission):
     """All states of a mission, the first one before any decision."""
 
     def event(state, _):
-        after = step(scenario, planner, mission, state, jax.random.key(0))
+        after = step(planner, mission, state, jax.random.key(0))
         return after, after
 
     agents, decisions = planner.halt.shape
-    first = reset(scenario, planner, mission)
+    first = reset(planner, mission)
     # Every agent decides once more, to stop; then two events too many.
     _, later = lax.scan(event, first, length=agents * (decisions + 1) + 2)
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
@@ -78,7 +78,7 @@ def play():
         if scenario not in drawn:
             drawn[scenario] = jax.tree.map(lambda a: a[0], draw_missions(scenario, seed=3, instances=1, roadmaps=False))
         new = [jnp.asarray(a, jnp.float32) for a in (world.start, world.budgets, world.speeds)]
-        mission = eqx.tree_at(lambda m: (m.start, m.budgets, m.speeds), drawn[scenario], new)
+        mission = eqx.tree_at(lambda m: (m.start, m.params.budgets, m.params.speeds), drawn[scenario], new)
         planner = Scripted(scenario, jnp.asarray(world.script, jnp.float32), jnp.asarray(world.halt))
         return mission, jax.tree.map(np.asarray, states_of(scenario, planner, mission))
 
@@ -89,7 +89,7 @@ def play():
 def batch():
     """Two missions of a random walk, and how they ended."""
     missions = draw_missions(RECORDED, seed=5, instances=2)
-    return missions, run_missions(RECORDED, RandomWalk(RECORDED), missions, jax.random.key(5))
+    return missions, run_missions(RandomWalk(RECORDED), missions, jax.random.key(5))
 
 
 @pytest.fixture(scope="session")

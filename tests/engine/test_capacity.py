@@ -17,8 +17,8 @@ def survey(capacity):
     scenario = SCENARIO.replace(belief_capacity=capacity)
     planner = make_planner("shared-greedy", scenario)
     missions = draw_missions(scenario, seed=0, instances=4)
-    states = run_missions(scenario, planner, missions, jax.random.key(1))
-    return states, score_missions(scenario, missions, states)
+    states = run_missions(planner, missions, jax.random.key(1))
+    return states, score_missions(missions, states)
 
 
 @pytest.fixture(scope="module")

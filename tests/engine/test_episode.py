@@ -36,7 +36,7 @@ GOLDEN = Path(__file__).parent / "golden" / "prior.json"
 
 def test_the_record_agrees_with_the_simulation(batch, episode):
     missions, states = batch
-    scores = score_missions(episode.scenario, missions, states)
+    scores = score_missions(missions, states)
     metrics = episode.metrics
     assert metrics.trace == pytest.approx(float(scores.trace[1]), rel=1e-4)
     assert metrics.own_trace.mean() == pytest.approx(float(scores.own_trace[1]), rel=1e-4)
@@ -87,7 +87,7 @@ def test_repeated_waypoints_are_recorded_once_and_messages_weighed(episode):
     scenario = episode.scenario
     planner = SgaRrt(scenario, nodes=20)
     missions = draw_missions(scenario, seed=0, instances=1, roadmaps=False)
-    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    states = run_missions(planner, missions, jax.random.key(0))
     episode = Episode.from_state(scenario, "sga-rrt", {"nodes": "20"}, 0, missions, states)
     per_measurement = 3 * 4  # position and time, float32
     assert episode.message_bytes == planner.horizon * per_measurement

@@ -25,7 +25,7 @@ VACUOUS: dict[str, Any] = {"zero_division": 1.0}
 def finished():
     prior = np.array([[0.0, 1.0], [0.7, 0.7], [0.9, 0.1]]), np.array([0.1, 0.6, 0.2])  # the first on the grid
     missions = draw_missions(SCENARIO, seed=5, instances=3, prior=prior)
-    return missions, run_missions(SCENARIO, RandomWalk(SCENARIO), missions, jax.random.key(5))
+    return missions, run_missions(RandomWalk(SCENARIO), missions, jax.random.key(5))
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 1), st.floats(0, 1))
@@ -55,7 +55,7 @@ def test_where_there_is_nothing_nothing_is_missed():
 @pytest.mark.parametrize("rule", ["bound", "mean"])
 def test_a_batch_has_found_what_each_record_says(finished, rule):
     missions, states = finished
-    scores = score_found(SCENARIO, missions, states, rule)
+    scores = score_found(missions, states, rule)
     assert scores.recall.shape == scores.precision.shape == (3,)
     for index in range(3):
         episode = Episode.from_state(SCENARIO, "random", {}, 5, *finished, index=index)

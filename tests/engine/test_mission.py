@@ -25,7 +25,7 @@ def row(missions, i):
 
 def assert_same_world(a, b, atol=1e-6):
     """Everything but the roadmaps."""
-    for name in ("field", "grid", "truth", "inside", "start", "budgets", "speeds"):
+    for name in ("field", "grid", "truth", "inside", "start", "params"):
         for x, y in zip(jax.tree.leaves(getattr(a, name)), jax.tree.leaves(getattr(b, name)), strict=True):
             np.testing.assert_allclose(x, y, rtol=1e-6, atol=atol)
 
@@ -35,8 +35,8 @@ def test_shapes_and_contents(batch):
     assert batch.roadmap.nodes.shape == (6, 2, 15, 2) and batch.roadmap.neighbours.shape == (6, 2, 15, 4)
     assert (batch.start >= 0).all() and (batch.start <= jnp.array([2.0, 1.0])).all()
     np.testing.assert_array_equal(batch.start[:, 0], batch.start[:, 1])  # a drawn start is shared
-    np.testing.assert_allclose(batch.budgets, np.tile([0.5, 0.8], (6, 1)))
-    np.testing.assert_allclose(batch.speeds, np.tile([1.0, 2.0], (6, 1)))
+    np.testing.assert_allclose(batch.params.budgets, np.tile([0.5, 0.8], (6, 1)))
+    np.testing.assert_allclose(batch.params.speeds, np.tile([1.0, 2.0], (6, 1)))
     np.testing.assert_allclose(batch.grid[0, -1], [2.0, 1.0])
     for i in range(6):
         world = jax.tree.map(lambda a, i=i: a[i], batch)

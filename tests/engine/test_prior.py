@@ -14,12 +14,13 @@ from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.episode import Episode, replay
-from maipp.engine.observe import observe
+from maipp.engine.observe import knowledge, observe
 from maipp.engine.prior_checks import prior_arrays
 from maipp.engine.score import pooled_belief, score_missions, trace_over_time
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.planners.random_walk import RandomWalk
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario.create(agents=2, budget=1.0, grid=8, nodes=12, neighbours=4, comm_range=0.3, threshold=0.3)
@@ -37,7 +38,7 @@ def samples():
 
 def survey(prior=None, noise=None, scenario=SCENARIO):
     missions = draw_missions(scenario, seed=5, instances=2, prior=prior, prior_noise=noise)
-    return missions, run_missions(scenario, RandomWalk(scenario), missions, jax.random.key(5))
+    return missions, run_missions(RandomWalk(scenario), missions, jax.random.key(5))
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def of(tree, index):
 
 def test_scores_rest_on_samples_and_measurements(finished):
     missions, states = finished
-    metrics = score_missions(SCENARIO, missions, states)
+    metrics = score_missions(missions, states)
     for i in range(2):
         world, end = of(missions, i), of(states, i)
         taken = np.isfinite(end.measurement_time)
@@ -92,12 +93,12 @@ def test_scores_rest_on_samples_and_measurements(finished):
 @pytest.mark.parametrize("capacity", [512, 8])
 def test_an_agent_believes_what_the_samples_tell_besides_what_it_knows(finished, capacity):
     """With a capacity below the 12 samples the tiles give the same, as they hold all of so small a survey."""
-    scenario = SCENARIO.replace(belief_capacity=capacity)
     mission, state = (jax.tree.map(lambda a: a[1], tree) for tree in finished)
+    mission = dataclasses.replace(mission, shape=shape_of(SCENARIO.replace(belief_capacity=capacity)))
 
     @eqx.filter_jit
     def see(agent):
-        return observe(scenario, mission, state, agent, jnp.zeros(2, bool))
+        return observe(mission, knowledge(mission, state, agent, jnp.zeros(2, bool)))
 
     for agent in range(2):
         saw = see(jnp.asarray(agent))
@@ -117,7 +118,7 @@ def test_before_any_measurement_the_samples_are_all_that_is_known(finished, epis
     mission, state = (jax.tree.map(lambda a: a[1], tree) for tree in finished)
     start = trace(*reference(np.empty((0, 2)), np.empty(0)))
     assert start < 60  # of 64 without samples
-    curve = trace_over_time(SCENARIO, mission, state, jnp.asarray([0.0, jnp.inf]))
+    curve = trace_over_time(mission, state, jnp.asarray([0.0, jnp.inf]))
     assert float(curve[0]) == pytest.approx(start, rel=1e-3)
     assert episode.metrics.curve_trace[0] == pytest.approx(start, rel=1e-3)
     assert float(curve[1]) == pytest.approx(episode.metrics.trace, rel=1e-3)
@@ -125,14 +126,14 @@ def test_before_any_measurement_the_samples_are_all_that_is_known(finished, epis
 
 def test_the_record_agrees_with_the_simulation(finished, episode):
     missions, states = finished
-    scores, metrics = score_missions(SCENARIO, missions, states), replay(episode)
+    scores, metrics = score_missions(missions, states), replay(episode)
     assert metrics.trace == pytest.approx(float(scores.trace[1]), rel=1e-4)
     assert metrics.own_trace.mean() == pytest.approx(float(scores.own_trace[1]), rel=1e-4)
     assert metrics.true_trace == pytest.approx(float(scores.true_trace[1]), rel=1e-4)
     assert metrics.rmse == pytest.approx(float(scores.rmse[1]), rel=1e-4)
     alone = replay(dataclasses.replace(episode, prior=None))
     assert alone.trace > metrics.trace and alone.mutual_information > metrics.mutual_information
-    pooled = eqx.filter_jit(pooled_belief)(SCENARIO, *(jax.tree.map(lambda a: a[1], tree) for tree in finished))
+    pooled = eqx.filter_jit(pooled_belief)(*(jax.tree.map(lambda a: a[1], tree) for tree in finished))
     ends = episode.beliefs(np.array([np.inf]))
     np.testing.assert_allclose(ends.mean[0], pooled.mean, atol=1e-4)
     np.testing.assert_allclose(ends.variance[0], pooled.variance, atol=1e-4)
@@ -162,7 +163,7 @@ def test_no_samples_are_the_same_as_none(bare):
 
 def test_samples_change_what_is_believed_but_not_the_world(bare, finished):
     prior, noise = samples()
-    for name in ("truth", "start", "budgets", "inside"):
+    for name in ("truth", "start", "inside"):
         np.testing.assert_array_equal(getattr(finished[0], name), getattr(bare[0], name))
     # A random walk asks no belief: it goes the same way, and what was measured there tells more.
     np.testing.assert_array_equal(finished[1].route, bare[1].route)
@@ -176,7 +177,7 @@ def test_samples_change_what_is_believed_but_not_the_world(bare, finished):
 
 @eqx.filter_jit
 def first_pooled(missions, states):
-    return pooled_belief(SCENARIO, *(jax.tree.map(lambda a: a[0], tree) for tree in (missions, states)))
+    return pooled_belief(*(jax.tree.map(lambda a: a[0], tree) for tree in (missions, states)))
 
 
 def test_without_noise_of_their_own_samples_have_the_scenario_s(finished):
@@ -186,8 +187,8 @@ def test_without_noise_of_their_own_samples_have_the_scenario_s(finished):
     silent = eqx.tree_at(lambda m: m.prior_noise, missions, None)
     assert silent.prior is not None and silent.prior.noise is None
     for found, wanted in zip(
-        jax.tree.leaves(score_missions(SCENARIO, silent, states)),
-        jax.tree.leaves(score_missions(SCENARIO, same, states)),
+        jax.tree.leaves(score_missions(silent, states)),
+        jax.tree.leaves(score_missions(same, states)),
         strict=True,
     ):
         np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-4)
@@ -202,7 +203,7 @@ def test_robots_go_where_old_samples_are_not():
     west = []
     for prior in (None, (x, np.zeros(len(x)))):
         missions = draw_missions(scenario, seed=2, instances=6, prior=prior)
-        states = run_missions(scenario, planner, missions, jax.random.key(0))
+        states = run_missions(planner, missions, jax.random.key(0))
         measured = np.isfinite(states.measurement_time)
         west.append((np.asarray(states.measurement_x)[measured][:, 0] < 0.45).mean())
     assert west[0] > 0.3 and west[1] < 0.1

@@ -41,7 +41,7 @@ def missions():
 
 @pytest.fixture(scope="module")
 def together(missions):
-    return run_missions(SCENARIO, drift(), missions, KEY)
+    return run_missions(drift(), missions, KEY)
 
 
 def head(missions, count):
@@ -65,11 +65,11 @@ def assert_close(states, others):
 def test_the_same_key_gives_the_same_record_to_the_bit(missions, together):
     assert not together.active.any()
     assert together.route.shape[0] == 5
-    assert_same(together, run_missions(SCENARIO, drift(), missions, jax.random.key(7)))
+    assert_same(together, run_missions(drift(), missions, jax.random.key(7)))
 
 
 def test_another_key_gives_another_record_in_every_mission(missions, together):
-    other = run_missions(SCENARIO, drift(), missions, jax.random.key(8))
+    other = run_missions(drift(), missions, jax.random.key(8))
     different = np.any(np.asarray(other.route != together.route), axis=(1, 2, 3))
     assert different.all()
 
@@ -81,17 +81,17 @@ def test_every_decision_has_its_own_randomness(together):
 
 
 def test_a_mission_does_not_depend_on_the_batch_it_runs_in(missions, together):
-    assert_close(run_missions(SCENARIO, drift(), head(missions, 3), KEY), head(together, 3))
+    assert_close(run_missions(drift(), head(missions, 3), KEY), head(together, 3))
     # The later part of a batch, run for itself, knows where it begins.
     rest = jax.tree.map(lambda a: a[2:], missions)
-    assert_close(run_missions(SCENARIO, drift(), rest, KEY, first=2), jax.tree.map(lambda a: a[2:], together))
+    assert_close(run_missions(drift(), rest, KEY, first=2), jax.tree.map(lambda a: a[2:], together))
 
 
 def test_a_planner_without_randomness_can_run_each_mission_alone(missions):
     planner = Greedy(SCENARIO, shared=True)
-    batch = run_missions(SCENARIO, planner, missions, KEY)
+    batch = run_missions(planner, missions, KEY)
     for i in (0, 3, 4):
-        alone = run_missions(SCENARIO, planner, jax.tree.map(lambda a, i=i: a[i : i + 1], missions), KEY)
+        alone = run_missions(planner, jax.tree.map(lambda a, i=i: a[i : i + 1], missions), KEY)
         assert_close(alone, jax.tree.map(lambda a, i=i: a[i : i + 1], batch))
 
 
@@ -102,7 +102,7 @@ def test_lanes_and_devices_do_not_matter(missions, together, monkeypatch, lanes,
         pytest.skip(f"needs {devices} devices")
     monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:devices])
     monkeypatch.setattr(rollout, "lanes_at_most", lambda planner: lanes)
-    assert_close(run_missions(SCENARIO, drift(), missions, KEY), together)
+    assert_close(run_missions(drift(), missions, KEY), together)
 
 
 def test_thousands_of_lanes_wait_for_each_other_and_nothing_changes(monkeypatch):
@@ -112,7 +112,7 @@ def test_thousands_of_lanes_wait_for_each_other_and_nothing_changes(monkeypatch)
     ended = []
     for lanes in (32, 5):
         monkeypatch.setattr(rollout, "lanes_at_most", lambda planner, lanes=lanes: lanes)
-        ended.append(run_missions(SCENARIO, drift(), many, KEY))
+        ended.append(run_missions(drift(), many, KEY))
     assert_close(*ended)
 
 
@@ -133,12 +133,12 @@ def test_a_lane_takes_the_next_mission_as_soon_as_its_own_has_ended(monkeypatch)
     """In pairs that wait for each other each of the four long missions would cost its partner's lane as much again."""
     count, lanes = 8, 2
     drawn = draw_missions(SCENARIO, seed=1, instances=count, roadmaps=False)
-    short = drawn.budgets.at[1::2].set(0.05)
-    mixed = eqx.tree_at(lambda m: m.budgets, drawn, short)
+    short = drawn.params.budgets.at[1::2].set(0.05)
+    mixed = eqx.tree_at(lambda m: m.params.budgets, drawn, short)
     monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:1])
     monkeypatch.setattr(rollout, "lanes_at_most", lambda planner: lanes)
     Counted.steps = 0
-    states = run_missions(SCENARIO, Counted(SCENARIO, jnp.asarray(0.1)), mixed, KEY)
+    states = run_missions(Counted(SCENARIO, jnp.asarray(0.1)), mixed, KEY)
     jax.effects_barrier()
     events = np.asarray(states.events)
     assert events[1::2].max() * 3 < events[0::2].min()
@@ -151,7 +151,7 @@ def test_work_is_spread_over_the_devices(missions, monkeypatch):
     if len(jax.local_devices()) < 2:
         pytest.skip("needs 2 devices")
     monkeypatch.setattr(rollout, "missions_devices", lambda: jax.local_devices()[:2])
-    states = run_missions(SCENARIO, drift(), head(missions, 4), KEY)
+    states = run_missions(drift(), head(missions, 4), KEY)
     assert states.route.sharding.device_set == set(jax.local_devices()[:2])
 
 
@@ -161,19 +161,19 @@ def test_equal_calls_share_one_compilation(missions, together):
     assert before > 0
     again = Scenario(**SETTINGS)
     others = draw_missions(again, seed=2, instances=5)
-    run_missions(again, Drift(again, jnp.asarray(0.15)), others, jax.random.key(1))
-    short = run_missions(SCENARIO, drift(0.05), missions, KEY)
+    run_missions(Drift(again, jnp.asarray(0.15)), others, jax.random.key(1))
+    short = run_missions(drift(0.05), missions, KEY)
     assert Drift.traces == before
     assert (np.asarray(short.events) > np.asarray(together.events)).all()  # the new weights are the ones used
-    run_missions(SCENARIO, drift(), head(missions, 2), KEY)
+    run_missions(drift(), head(missions, 2), KEY)
     assert Drift.traces > before  # the counter does count
 
 
 def test_missions_that_end_early_wait_unchanged(missions, together):
     """One mission of five with a hundredth of the budget stops long before the others."""
-    budgets = missions.budgets.at[2].set(0.05)
-    mixed = eqx.tree_at(lambda m: m.budgets, missions, budgets)
-    states = run_missions(SCENARIO, drift(), mixed, KEY)
+    budgets = missions.params.budgets.at[2].set(0.05)
+    mixed = eqx.tree_at(lambda m: m.params.budgets, missions, budgets)
+    states = run_missions(drift(), mixed, KEY)
     np.testing.assert_allclose(states.odometer[2], 0.05, atol=1e-6)
     assert not np.isfinite(states.measurement_time[2]).any()
     others = np.array([0, 1, 3, 4])
@@ -183,11 +183,11 @@ def test_missions_that_end_early_wait_unchanged(missions, together):
 def test_a_roadmap_planner_without_roadmaps_says_what_to_do():
     bare = draw_missions(SCENARIO, seed=1, instances=1, roadmaps=False)
     with pytest.raises(ValueError, match="roadmaps=True"):
-        run_missions(SCENARIO, Greedy(SCENARIO), bare, KEY)
+        run_missions(Greedy(SCENARIO), bare, KEY)
 
 
 def test_a_planner_that_would_cross_obstacles_is_refused():
     walled = SCENARIO.replace(obstacles=(((0.4, 0.4), (0.6, 0.4), (0.5, 0.6)),))
     missions = draw_missions(walled, seed=1, instances=1)
-    with pytest.raises(InputError, match="Drift: this planner would cross the scenario's 1 obstacles"):
-        run_missions(walled, Drift(walled, jnp.asarray(0.1)), missions, KEY)
+    with pytest.raises(InputError, match="Drift: this planner would cross the scenario's no-go zones"):
+        run_missions(Drift(walled, jnp.asarray(0.1)), missions, KEY)

@@ -34,7 +34,7 @@ SCENARIO = Scenario(
 def finished():
     """Two missions and their final states."""
     missions = draw_missions(SCENARIO, seed=1, instances=2)
-    return missions, run_missions(SCENARIO, RandomWalk(SCENARIO), missions, jax.random.key(0))
+    return missions, run_missions(RandomWalk(SCENARIO), missions, jax.random.key(0))
 
 
 def mean_and_variance(x, y, grid):
@@ -53,7 +53,7 @@ def trace(mean, variance, inside):
 
 def test_metrics_are_their_definitions(finished):
     missions, states = finished
-    metrics = score_missions(SCENARIO, missions, states)
+    metrics = score_missions(missions, states)
     for i in range(2):
         world, end = (jax.tree.map(lambda a, i=i: np.asarray(a[i]), tree) for tree in (missions, states))
         taken = np.isfinite(end.measurement_time)
@@ -85,10 +85,10 @@ def test_trace_over_time_starts_at_the_prior_and_ends_at_the_result(finished):
     measured = np.asarray(state.measurement_time)
     moments = np.unique(measured[np.isfinite(measured)])
     times = np.concatenate([[0.0], moments - 1e-4, moments, [np.inf]]).astype(np.float32)
-    curve = np.asarray(trace_over_time(SCENARIO, mission, state, jnp.asarray(times)))
+    curve = np.asarray(trace_over_time(mission, state, jnp.asarray(times)))
     inside = float(np.asarray(mission.inside).sum())
     assert curve[0] == inside  # 900 on the paper's grid: before any measurement everything is of high interest
-    assert curve[-1] == pytest.approx(float(score_missions(SCENARIO, missions, states).trace[1]), rel=1e-4)
+    assert curve[-1] == pytest.approx(float(score_missions(missions, states).trace[1]), rel=1e-4)
     before, after = curve[1 : len(moments) + 1], curve[len(moments) + 1 : -1]
     assert before[0] == inside
     np.testing.assert_allclose(before[1:], after[:-1], rtol=1e-5)  # it changes at measurements only
@@ -98,8 +98,8 @@ def test_trace_over_time_starts_at_the_prior_and_ends_at_the_result(finished):
 def test_the_paper_starts_at_900():
     scenario = Scenario()
     missions = draw_missions(scenario, seed=0, instances=1, roadmaps=False)
-    before = jax.vmap(partial(reset, scenario, RandomWalk(scenario)))(missions)
-    metrics = score_missions(scenario, missions, before)
+    before = jax.vmap(partial(reset, RandomWalk(scenario)))(missions)
+    metrics = score_missions(missions, before)
     assert float(metrics.trace[0]) == float(metrics.own_trace[0]) == 900.0
     assert float(metrics.distance[0]) == 0.0
 
@@ -108,7 +108,7 @@ def test_pooled_belief_at_a_time_holds_what_was_measured_by_then(finished):
     missions, states = finished
     mission, state = (jax.tree.map(lambda a: a[0], tree) for tree in (missions, states))
     times = np.sort(np.asarray(state.measurement_time).ravel())
-    mask = eqx.filter_jit(lambda time: pooled_belief(SCENARIO, mission, state, time).mask)
+    mask = eqx.filter_jit(lambda time: pooled_belief(mission, state, time).mask)
     for k in (0, 2):
         assert int(mask(jnp.asarray(times[k])).sum()) == k + 1
     assert not mask(jnp.asarray(0.0)).any()

@@ -91,7 +91,7 @@ def test_a_survey_runs_on_them():
     fields = draw_fields(jax.random.key(0), Matern32(0.45), 3, x=X, y=Y, noise=NOISE, waves=64)
     truth = jax.vmap(lambda field, grid: field(grid))(fields, missions.grid)
     missions = dataclasses.replace(missions, field=fields, truth=truth)
-    states = maipp.run_missions(scenario, planner, missions, jax.random.key(0))
+    states = maipp.run_missions(planner, missions, jax.random.key(0))
     taken = np.isfinite(np.asarray(states.measurement_time))
     for i in range(3):
         field = jax.tree.map(lambda leaf, i=i: leaf[i], fields)

@@ -34,14 +34,14 @@ def live_routes(survey, team, field):
 def test_the_routes_are_those_of_run_missions(scenario, team, name):
     planner = make_planner(name, scenario)
     missions = draw_missions(scenario, seed=4, instances=1)
-    state = jax.tree.map(lambda a: a[0], run_missions(scenario, planner, missions, jax.random.key(0)))
+    state = jax.tree.map(lambda a: a[0], run_missions(planner, missions, jax.random.key(0)))
     mission = jax.tree.map(lambda a: a[0], missions)
     with LiveSurvey.from_scenario(scenario, name, seed=4) as survey:
         routes = live_routes(survey, team, mission.field)
         for agent, route in enumerate(routes):
             simulated = np.asarray(state.route[agent][: state.route_length[agent]])
             np.testing.assert_allclose(route, simulated, atol=2e-6)
-        belief = pooled_belief(scenario, mission, state)
+        belief = pooled_belief(mission, state)
         answer = survey.belief()
     np.testing.assert_allclose(answer["mean"], belief.mean, atol=1e-4)
     np.testing.assert_allclose(answer["std"], belief.std, atol=1e-3)
@@ -50,11 +50,11 @@ def test_the_routes_are_those_of_run_missions(scenario, team, name):
 @eqx.filter_jit
 def _engine_step(scenario, planner, mission, state, key, decided):
     """One event of the engine, its randomness keyed as live surveys key it: by agent and number of its decision."""
-    state, agent, observation = turn(scenario, mission, state)
+    state, agent, observation = turn(mission, state)
     memory = jax.tree.map(lambda a: a[agent], state.memory)
     key = jax.random.fold_in(jax.random.fold_in(key, agent), decided[agent])
     decision = planner.decide(key, observation, memory)
-    return advance(scenario, planner, mission, state, agent, decision), decided.at[agent].add(1)
+    return advance(planner, mission, state, agent, decision), decided.at[agent].add(1)
 
 
 @pytest.mark.parametrize("name", ["random", pytest.param("receding-horizon", marks=pytest.mark.slow)])
@@ -64,7 +64,7 @@ def test_with_the_same_keys_random_planners_travel_as_in_the_engine(scenario, te
     planner = make_planner(name, scenario, options)
     drawn = draw_missions(scenario, seed=4, instances=1, planner=planner)
     mission = jax.tree.map(lambda a: a[0], drawn)
-    state, decided = reset(scenario, planner, mission), jnp.zeros(scenario.agents, jnp.int32)
+    state, decided = reset(planner, mission), jnp.zeros(scenario.agents, jnp.int32)
     while state.active.any():
         state, decided = _engine_step(scenario, planner, mission, state, jax.random.key(4), decided)
     with LiveSurvey.from_scenario(scenario, name, options, seed=4) as survey:

@@ -1,15 +1,17 @@
+"""Measurements of a live survey: a set of them, whatever the order they came in."""
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.live.measurements import Measurements, Sample, slots_for
+from maipp.live.measurements import Measurements, Sample
 
 NUMBER = st.floats(-1, 1, width=32)
-SAMPLES = st.lists(st.builds(Sample, NUMBER, st.integers(0, 2), NUMBER, NUMBER, NUMBER), max_size=12)
+SAMPLES = st.lists(st.builds(Sample, NUMBER, st.integers(0, 2), NUMBER, NUMBER, NUMBER), max_size=24)
 
 
-def taken_in(samples, prior=0):
-    measurements = Measurements(np.full((prior, 2), 0.25), np.full(prior, 2.0), 8, np.dtype("float32"))
+def taken_in(samples, room=3):
+    measurements = Measurements(3, room, np.dtype("float32"))
     for sample in samples:
         measurements.add(sample)
     return measurements
@@ -24,24 +26,30 @@ def test_neither_order_nor_copies_matter(samples, data):
         assert mine.tobytes() == other.tobytes()
 
 
-def test_prior_samples_come_first_then_time_decides():
-    late, early = Sample(2.0, 0, 0.1, 0.2, 0.3), Sample(1.0, 1, 0.4, 0.5, 0.6)
-    x, y, mask = taken_in([late, early], prior=1).slots()
-    np.testing.assert_array_equal(y[:3], np.array([2.0, 0.6, 0.3], np.float32))
-    np.testing.assert_array_equal(x[:3], np.array([[0.25, 0.25], [0.4, 0.5], [0.1, 0.2]], np.float32))
-    assert mask.tolist() == [True] * 3 + [False] * 5
+def test_each_robot_has_its_slots_in_the_order_of_time():
+    late, early, other = (
+        Sample(2.0, 1, 0.1, 0.2, 0.3),
+        Sample(1.0, 1, 0.4, 0.5, 0.6),
+        Sample(1.5, 2, 0.7, 0.8, 0.9),
+    )
+    x, y, time, by, mask = taken_in([late, other, early]).slots()
+    assert by.tolist() == [0] * 3 + [1] * 3 + [2] * 3
+    assert mask.tolist() == [False] * 3 + [True, True, False] + [True, False, False]
+    np.testing.assert_array_equal(y[mask], np.array([0.6, 0.3, 0.9], np.float32))
+    np.testing.assert_array_equal(x[mask], np.array([[0.4, 0.5], [0.1, 0.2], [0.7, 0.8]], np.float32))
+    np.testing.assert_array_equal(time[mask], [1.0, 2.0, 1.5])
+    assert np.isinf(time[~mask]).all()
 
 
-@given(count=st.integers(0, 5000), room=st.integers(0, 5000))
-def test_capacities_are_powers_of_two_with_room(count, room):
-    slots = slots_for(count, room)
-    assert slots >= max(count, room, 2) and slots & (slots - 1) == 0
-    assert slots < 2 * max(count, room, 2)
+@given(most=st.integers(0, 2000), room=st.integers(1, 300))
+def test_room_doubles_until_the_busiest_robot_has_enough(most, room):
+    measurements = Measurements(2, room, np.dtype("float32"))
+    measurements._ordered[1] = [Sample(0.0, 1, 0.0, 0.0, 0.0)] * most
+    slots = measurements.slots_per_robot
+    assert slots >= most and slots % room == 0 and (slots // room).bit_count() == 1
+    assert slots == room or slots < 2 * most
 
 
-def test_the_capacity_follows_from_the_count():
-    measurements = taken_in([])
-    assert measurements.capacity == 8
-    for index in range(20):
-        measurements.add(Sample(index, 0, 0, 0, 0))
-    assert measurements.capacity == len(measurements.slots().y) == 32 and len(measurements) == 20
+def test_a_set_knows_its_size():
+    measurements = taken_in([Sample(index, 0, 0, 0, 0) for index in range(20)])
+    assert len(measurements) == 20 and measurements.slots_per_robot == 24 and len(measurements.slots().y) == 72

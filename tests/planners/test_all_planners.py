@@ -62,7 +62,7 @@ def survey():
                 instances=MISSIONS,
                 planner=planner,
             )
-            states = run_missions(scenario, planner, missions, jax.random.key(2))
+            states = run_missions(planner, missions, jax.random.key(2))
             done[name, setting] = planner, missions, jax.tree.map(np.asarray, states)
         return done[name, setting]
 
@@ -97,7 +97,7 @@ def test_the_laws_of_the_survey_hold(survey, name, setting):
     _, missions, states = survey(name, setting)
     assert not states.active.any()
     assert (states.odometer > 0).all()  # nobody stops where it stands
-    assert (states.odometer <= np.asarray(missions.budgets) + 2e-6).all()
+    assert (states.odometer <= np.asarray(missions.params.budgets) + 2e-6).all()
     for b, agent, route, times in routes(states):
         assert (route >= 0).all() and (route <= np.array(scenario.extent)).all()
         distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route, axis=0), axis=1))])
@@ -121,7 +121,7 @@ def test_the_laws_of_the_survey_hold(survey, name, setting):
 )
 def test_the_budget_is_used_up(survey, name, setting):
     _, missions, states = survey(name, setting)
-    np.testing.assert_allclose(states.odometer, missions.budgets, atol=2e-5)
+    np.testing.assert_allclose(states.odometer, missions.params.budgets, atol=2e-5)
 
 
 def node_of(nodes, place):
@@ -158,7 +158,7 @@ def test_agents_whose_rule_is_to_stop_do_so_where_no_neighbour_is_in_reach(surve
         roadmap = jax.tree.map(lambda a, b=b, agent=agent: np.asarray(a[b, agent]), missions.roadmap)
         here = node_of(roadmap.nodes, route[-1])
         assert here is not None
-        left = float(missions.budgets[b, agent]) - states.odometer[b, agent]
+        left = float(missions.params.budgets[b, agent]) - states.odometer[b, agent]
         assert (roadmap.distances[here][roadmap.reachable[here]] > left - 1e-5).all()
 
 

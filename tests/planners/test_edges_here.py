@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from maipp.engine import draw_missions, reset
-from maipp.engine.observe import observe
+from maipp.engine.observe import knowledge, observe
 from maipp.planners.edges_here import edges_here
 from maipp.planners.random_walk import RandomWalk
 from maipp.planners.roadmap_step import current_node, edges, roadmap_of
@@ -30,8 +30,8 @@ def observed():
     seen = {}
     for scenario in (AMONG, OPEN):
         mission = jax.tree.map(lambda a: a[0], draw_missions(AMONG, seed=0, instances=1))
-        state = reset(scenario, RandomWalk(scenario), mission)
-        seen[scenario] = observe(scenario, mission, state, jnp.asarray(0), jnp.zeros(2, bool))
+        state = reset(RandomWalk(scenario), mission)
+        seen[scenario] = observe(mission, knowledge(mission, state, jnp.asarray(0), jnp.zeros(2, bool)))
     return seen
 
 
@@ -46,13 +46,16 @@ def both(scenario, observation):
 def measured(observation, own, others=(), remaining=2.0, node=0):
     """As if the agent stood at a node and these places had been measured."""
     x, known = np.full((2, SLOTS, 2), -9.0, np.float32), np.zeros((2, SLOTS), bool)
+    times = np.broadcast_to(np.arange(SLOTS, dtype=np.float32), (2, SLOTS)).reshape(-1)
     for agent, places in enumerate((own, others)):
         x[agent, : len(places)] = np.reshape(places, (-1, 2))
         known[agent, : len(places)] = True
-    values = (jnp.asarray(x.reshape(-1, 2)), jnp.asarray(known.reshape(-1)), jnp.asarray(remaining))
+    values = (jnp.asarray(x.reshape(-1, 2)), jnp.asarray(times), jnp.asarray(known.reshape(-1)), jnp.asarray(remaining))
     position = observation.roadmap.nodes[node]
     return eqx.tree_at(
-        lambda o: (o.measurement_x, o.known, o.remaining, o.position), observation, (*values, jnp.asarray(position))
+        lambda o: (o.measurement_x, o.measurement_time, o.known, o.remaining, o.position),
+        observation,
+        (*values, jnp.asarray(position)),
     )
 
 

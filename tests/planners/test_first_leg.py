@@ -57,7 +57,7 @@ def test_planning_again_on_the_way_moves_no_measurement_off_its_distance(name):
     for decisions in (1, 3):
         planner = make_planner(name, scenario, options | {"decisions": decisions})
         missions = draw_missions(scenario, seed=3, instances=2, planner=planner)
-        states = run_missions(scenario, planner, missions, jax.random.key(2))
+        states = run_missions(planner, missions, jax.random.key(2))
         taken.append(np.asarray(states.events))
         measured = np.isfinite(np.asarray(states.measurement_time)).sum(axis=(1, 2))
         np.testing.assert_array_equal(measured, 2 * 4)  # one each at 0.2, 0.4, 0.6 and 0.8

@@ -9,7 +9,7 @@ from jax import lax
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, reset, run_missions
-from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.planners.greedy import Greedy
 from maipp.scenario import Scenario
@@ -29,15 +29,15 @@ def events(scenario, planner, mission):
     """Observation and decision of the first events of a mission."""
 
     def event(state, _):
-        agent = due_agent(scenario, state)
+        agent = due_agent(state)
         now = jnp.where(state.active.any(), state.arrival[agent], state.time)
         there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
-        there, heard = hear(scenario, mission, there, agent)
-        observation = observe(scenario, mission, there, agent, heard)
+        there, heard = hear(mission, there, agent)
+        observation = observe(mission, knowledge(mission, there, agent, heard))
         decision = planner.decide(KEY, observation, ())
-        return step(scenario, planner, mission, state, KEY), (observation, decision, state.active.any())
+        return step(planner, mission, state, KEY), (observation, decision, state.active.any())
 
-    return lax.scan(event, reset(scenario, planner, mission), length=EVENTS)[1]
+    return lax.scan(event, reset(planner, mission), length=EVENTS)[1]
 
 
 def refit(x, y, grid):
@@ -95,15 +95,15 @@ def test_agents_out_of_range_have_no_influence():
     scenario = SCENARIO.replace(comm_range=1e-6)
     missions = draw_missions(scenario, seed=6, instances=1)
     planner = Greedy(scenario, shared=True)
-    before = run_missions(scenario, planner, missions, KEY)
+    before = run_missions(planner, missions, KEY)
     others = eqx.tree_at(
-        lambda m: (m.roadmap, m.budgets),
+        lambda m: (m.roadmap, m.params.budgets),
         missions,
         (
             jax.tree.map(lambda a: a.at[:, 1:].set(jnp.flip(a[:, 1:], axis=1)), missions.roadmap),
-            missions.budgets.at[:, 1].set(0.3),
+            missions.params.budgets.at[:, 1].set(0.3),
         ),
     )
-    after = run_missions(scenario, planner, others, KEY)
+    after = run_missions(planner, others, KEY)
     assert not np.allclose(after.route[0, 1, :3], before.route[0, 1, :3])
     np.testing.assert_allclose(after.route[0, 0], before.route[0, 0], atol=1e-6)

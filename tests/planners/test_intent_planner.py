@@ -10,7 +10,7 @@ from shapely.geometry import LineString
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, reset, run_missions
-from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners import make_planner
@@ -41,15 +41,15 @@ def seen(planner):
     @eqx.filter_jit
     def events(planner, mission):
         def event(state, _):
-            agent = due_agent(SCENARIO, state)
+            agent = due_agent(state)
             now = jnp.where(state.active.any(), state.arrival[agent], state.time)
             there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
-            there, heard = hear(SCENARIO, mission, there, agent)
-            observation = observe(SCENARIO, mission, there, agent, heard)
+            there, heard = hear(mission, there, agent)
+            observation = observe(mission, knowledge(mission, there, agent, heard))
             memory = jax.tree.map(lambda a: a[agent], state.memory)
-            return step(SCENARIO, planner, mission, state, KEY), (observation, memory, state.active.any())
+            return step(planner, mission, state, KEY), (observation, memory, state.active.any())
 
-        return lax.scan(event, reset(SCENARIO, planner, mission), length=EVENTS)[1]
+        return lax.scan(event, reset(planner, mission), length=EVENTS)[1]
 
     observations, memories, running = events(walker, mission)
     assert running[:12].all()
@@ -290,21 +290,21 @@ def missions_of(scenario, count):
 def survey(planner):
     """Three missions with sampled steps, and how they ended."""
     walker, missions = planner(choose="sample", paths=2, steps=2), missions_of(SCENARIO, 3)
-    return walker, missions, run_missions(SCENARIO, walker, missions, KEY)
+    return walker, missions, run_missions(walker, missions, KEY)
 
 
 def test_the_same_seed_gives_the_same_survey_and_another_key_another(survey):
     walker, missions, states = survey
-    for a, b in zip(*map(jax.tree.leaves, (states, run_missions(SCENARIO, walker, missions, KEY))), strict=True):
+    for a, b in zip(*map(jax.tree.leaves, (states, run_missions(walker, missions, KEY))), strict=True):
         np.testing.assert_array_equal(a, b)
-    other = run_missions(SCENARIO, walker, missions, jax.random.key(9))
+    other = run_missions(walker, missions, jax.random.key(9))
     assert not np.array_equal(other.route, states.route)
 
 
 def test_a_mission_in_a_batch_is_the_mission_alone(survey):
     walker, missions, states = survey
     for i in range(3):
-        alone = run_missions(SCENARIO, walker, jax.tree.map(lambda a, i=i: a[i : i + 1], missions), KEY, first=i)
+        alone = run_missions(walker, jax.tree.map(lambda a, i=i: a[i : i + 1], missions), KEY, first=i)
         np.testing.assert_allclose(alone.route[0], states.route[i], atol=1e-5)
 
 
@@ -318,7 +318,7 @@ def test_other_roadmaps_float64_and_a_lone_agent_need_no_other_network(tiny):
     scenario = Scenario(agents=1, budget=0.5, grid=6, nodes=40, neighbours=26)
     with jax.enable_x64(True):
         star = IntentPlanner(scenario, network=tiny, paths=3, steps=2, choose="best")
-        states = run_missions(scenario, star, missions_of(scenario, 1), KEY)
+        states = run_missions(star, missions_of(scenario, 1), KEY)
         assert states.route.dtype == jnp.float64 and states.memory.trajectory.hidden.dtype == jnp.float32
         np.testing.assert_allclose(states.odometer, 0.5, atol=1e-5)
 
@@ -343,4 +343,4 @@ def test_options_that_make_no_sense_are_refused(options, problem):
 def test_missions_without_what_the_policy_reads_are_refused(planner, drawn, problem):
     missions = draw_missions(SCENARIO, seed=1, instances=1, **drawn)
     with pytest.raises(ValueError, match=problem):
-        run_missions(SCENARIO, planner(), missions, KEY)
+        run_missions(planner(), missions, KEY)

@@ -179,7 +179,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
 
     @eqx.filter_jit
     def go(planner, state):
-        state = advance(scenario, planner, mission, state, agent, planner.decide(KEY, None, ()))
+        state = advance(planner, mission, state, agent, planner.decide(KEY, None, ()))
         return eqx.tree_at(lambda s: s.time, state, state.arrival[0])
 
     heard = jnp.zeros(1, bool)
@@ -188,7 +188,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
     for edge in range(6):
         # One edge for real, then the paths from its end.
         first = Scripted(scenario, jnp.broadcast_to(roadmap.nodes[roadmap.neighbours[0, edge]], (STEPS, 2)))
-        state = go(first, reset(scenario, first, mission))
+        state = go(first, reset(first, mission))
         observation = eqx.filter_jit(observe)(scenario, mission, state, agent, heard)
         situation = planner.situation(observation, observation.belief, jnp.zeros(scenario.nodes))
         assert int(situation.here.node) == int(roadmap.neighbours[0, edge])

@@ -29,7 +29,7 @@ def planner(tiny):
 def observation(planner):
     """At the start, as if five values had been measured already and half the budget spent."""
     mission = jax.tree.map(lambda a: a[0], draw_missions(SCENARIO, seed=2, instances=1, encodings=4))
-    state = reset(SCENARIO, planner, mission)
+    state = reset(planner, mission)
     rng = np.random.default_rng(0)
     slots = min(5, SCENARIO.measurements_per_agent)
     state = eqx.tree_at(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from maipp.engine import draw_missions, reset
-from maipp.engine.observe import observe
+from maipp.engine.observe import knowledge, observe
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
 
@@ -22,8 +22,8 @@ def observation():
 
     @jax.jit
     def see(mission):
-        state = reset(SCENARIO, RandomWalk(SCENARIO), mission)
-        return observe(SCENARIO, mission, state, jnp.asarray(0), jnp.zeros(1, bool))
+        state = reset(RandomWalk(SCENARIO), mission)
+        return observe(mission, knowledge(mission, state, jnp.asarray(0), jnp.zeros(1, bool)))
 
     return see(mission)
 

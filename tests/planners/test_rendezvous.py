@@ -78,7 +78,7 @@ def test_planners_in_the_plane_keep_the_meeting(name):
     options |= {"weights": "untrained", "paths": 4, "nodes": 3} if name == "intent-search" else {}
     planner = make_planner(name, scenario, options)
     missions = draw_missions(scenario, seed=4, instances=4, planner=planner)
-    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    states = run_missions(planner, missions, jax.random.key(0))
     assert (gaps(states) <= 0.4).all()
 
 
@@ -94,9 +94,9 @@ def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
     scenario = Scenario(agents=3, budget=1.6, grid=8, nodes=60, neighbours=10, comm_range=0.4)
     missions = draw_missions(scenario, seed=4, instances=6, encodings=4)
     planner = IntentPlanner(scenario, network=tiny, paths=2, steps=2, choose="sample", meet=meet)
-    states = run_missions(scenario, planner, missions, jax.random.key(0))
+    states = run_missions(planner, missions, jax.random.key(0))
     apart = gaps(states)
-    metrics = score_missions(scenario, missions, states)
+    metrics = score_missions(missions, states)
     same = np.isclose(metrics.own_trace, metrics.trace, rtol=1e-3)
     if meet:
         assert (apart <= 0.4).all() and same.all()

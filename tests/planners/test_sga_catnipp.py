@@ -9,7 +9,7 @@ from jax import lax
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, reset
-from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.planners.policy_planner import log_probability
 from maipp.planners.sga_catnipp import SgaCatnipp
@@ -23,16 +23,16 @@ EVENTS = 30
 @eqx.filter_jit
 def _events(planner, mission):
     def event(state, _):
-        agent = due_agent(SCENARIO, state)
+        agent = due_agent(state)
         now = jnp.where(state.active.any(), state.arrival[agent], state.time)
         there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
-        there, heard = hear(SCENARIO, mission, there, agent)
-        observation = observe(SCENARIO, mission, there, agent, heard)
+        there, heard = hear(mission, there, agent)
+        observation = observe(mission, knowledge(mission, there, agent, heard))
         memory = jax.tree.map(lambda a: a[agent], state.memory)
         decided = planner.act(jax.random.fold_in(KEY, state.events), observation, memory)
-        return step(SCENARIO, planner, mission, state, KEY), (observation, *decided, state.active.any())
+        return step(planner, mission, state, KEY), (observation, *decided, state.active.any())
 
-    return lax.scan(event, reset(SCENARIO, planner, mission), length=EVENTS)
+    return lax.scan(event, reset(planner, mission), length=EVENTS)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from jax import lax
 
 from maipp.engine import draw_missions, reset
-from maipp.engine.observe import due_agent, hear, observe
+from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
@@ -87,16 +87,16 @@ def record(mission):
     @jax.jit
     def events(mission):
         def event(state, _):
-            agent = due_agent(SCENARIO, state)
+            agent = due_agent(state)
             now = jnp.where(state.active.any(), state.arrival[agent], state.time)
             there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
-            there, heard = hear(SCENARIO, mission, there, agent)
-            observation = observe(SCENARIO, mission, there, agent, heard)
+            there, heard = hear(mission, there, agent)
+            observation = observe(mission, knowledge(mission, there, agent, heard))
             decision = PLANNER.decide(jax.random.fold_in(KEY, state.events), observation, ())
-            after = step(SCENARIO, PLANNER, mission, state, KEY)
+            after = step(PLANNER, mission, state, KEY)
             return after, (state.active.any(), observation, decision, after)
 
-        return lax.scan(event, reset(SCENARIO, PLANNER, mission), length=24)[1]
+        return lax.scan(event, reset(PLANNER, mission), length=24)[1]
 
     running, *rest = jax.tree.map(np.asarray, events(mission))
     assert not running[-1] and running.sum() > 12

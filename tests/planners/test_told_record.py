@@ -7,10 +7,11 @@ import pytest
 
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.episode import Episode
+from maipp.engine.rollout import Events, run_recorded
 from maipp.planners import make_planner
 from maipp.planners.announced import Announcement
 from maipp.planners.team_plan import TeamPlan
-from maipp.planners.told_record import Recorded, run_recorded, tells_plans, told_in
+from maipp.planners.told_record import tells_plans, told_in, whole_message
 from maipp.scenario import Scenario
 from maipp.team import Intent
 
@@ -22,18 +23,17 @@ def survey():
     planner = make_planner("sga-rrt", SCENARIO, {"nodes": 12})
     missions = draw_missions(SCENARIO, seed=1, instances=1, roadmaps=False)
     key = jax.random.key(2)
-    recorded = run_recorded(SCENARIO, planner, missions, key, lambda message: message)
-    return recorded, run_missions(SCENARIO, planner, missions, key), missions
+    return run_recorded(planner, missions, key, whole_message), run_missions(planner, missions, key), missions
 
 
 def test_the_survey_is_the_same(survey):
-    recorded, states, _ = survey
+    (recorded, _), states, _ = survey
     for field in ("route", "route_time", "measurement_x", "measurement_y", "known", "events"):
-        np.testing.assert_array_equal(getattr(recorded.states, field), getattr(states, field))
+        np.testing.assert_array_equal(getattr(recorded, field), getattr(states, field))
 
 
 def test_every_decision_has_its_entry_in_order(survey):
-    recorded, states, missions = survey
+    (_, recorded), states, missions = survey
     episode = Episode.from_state(SCENARIO, "sga-rrt", {}, 1, missions, states)
     told = told_in(recorded)
     times = [entry.time for entry in told]
@@ -47,7 +47,7 @@ def test_every_decision_has_its_entry_in_order(survey):
 
 
 def test_the_next_measurement_is_announced_where_it_will_be_taken(survey):
-    recorded, states, _ = survey
+    (_, recorded), states, _ = survey
     places, times = np.asarray(states.measurement_x)[0], np.asarray(states.measurement_time)[0]
     entries = [entry for entry in told_in(recorded) if np.isfinite(entry.place_times[0])]
     assert len(entries) > 2
@@ -60,7 +60,7 @@ def test_the_next_measurement_is_announced_where_it_will_be_taken(survey):
 
 def made_up(message):
     kept = jax.tree.map(lambda a: np.asarray(a)[None, None], message)
-    return Recorded(None, np.zeros((1, 1), int), np.ones((1, 1), bool), np.zeros((1, 1)), kept)  # type: ignore[arg-type]
+    return Events(np.zeros((1, 1), int), np.ones((1, 1), bool), np.zeros((1, 1)), kept)
 
 
 def test_intents_and_team_plans_are_read():

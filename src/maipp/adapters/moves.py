@@ -12,8 +12,8 @@ from maipp.adapters.view import View, Way, candidates_from, view_of
 from maipp.engine.advance import advance
 from maipp.engine.decision import Decision
 from maipp.engine.mission import Mission
-from maipp.engine.observe import hear, observe, time_tolerance, turn
-from maipp.engine.state import State, reset, route_capacity
+from maipp.engine.observe import hear, knowledge, observe, time_tolerance, turn
+from maipp.engine.state import State, reset
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int
 
@@ -21,8 +21,8 @@ Choice = Int[Array, ""] | Float[Array, "2"]  # index of a neighbour, or a waypoi
 
 
 def _way(scenario: Scenario, mission: Mission, state: State, agent: Index, time: Float[Array, ""]) -> Way:
-    ahead = jnp.maximum(state.arrival[agent] - time, 0.0) * mission.speeds[agent]
-    full = state.route_length[agent] + 1 > route_capacity(scenario, Announcer(scenario))
+    ahead = jnp.maximum(state.arrival[agent] - time, 0.0) * mission.params.speeds[agent]
+    full = state.route_length[agent] + 1 > state.route.shape[-2]
     return Way(state.leg[agent, -1], jnp.where(state.active[agent], ahead, 0.0), full)
 
 
@@ -43,18 +43,18 @@ def _depart(
         target = points[choice]
     target = jnp.asarray(target, state.leg.dtype)
     decision = Decision(target[None], jnp.where(stop, nothing_told(), target), (), stop)
-    return advance(scenario, Announcer(scenario), mission, state, agent, decision)
+    return advance(Announcer(scenario), mission, state, agent, decision)
 
 
 def _wake(scenario: Scenario, form: Form, mission: Mission, state: State) -> tuple[State, Index, View]:
-    state, agent, observation = turn(scenario, mission, state)
+    state, agent, observation = turn(mission, state)
     return state, agent, view_of(scenario, form, observation, _way(scenario, mission, state, agent, state.time))
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def begin(scenario: Scenario, form: Form, mission: Mission) -> tuple[State, Index, View]:
     """The state when the first agent is due, that agent, and what it sees."""
-    return _wake(scenario, form, mission, reset(scenario, Announcer(scenario), mission))
+    return _wake(scenario, form, mission, reset(Announcer(scenario), mission))
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -74,15 +74,15 @@ def play(
 @partial(jax.jit, static_argnums=(0, 1))
 def look(scenario: Scenario, form: Form, mission: Mission, state: State, agent: Index) -> View:
     """What an agent would see at this moment; nothing is taken over into the state."""
-    heard_state, heard = hear(scenario, mission, state, agent)
-    observation = observe(scenario, mission, heard_state, agent, heard)
+    heard_state, heard = hear(mission, state, agent)
+    observation = observe(mission, knowledge(mission, heard_state, agent, heard))
     return view_of(scenario, form, observation, _way(scenario, mission, state, agent, state.time))
 
 
 @partial(jax.jit, static_argnums=(0,))
 def start(scenario: Scenario, mission: Mission) -> State:
     """The state before the first event."""
-    return reset(scenario, Announcer(scenario), mission)
+    return reset(Announcer(scenario), mission)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -97,7 +97,7 @@ def move(
 ) -> State:
     """One whole event: an agent that has arrived hears the others and sets off, or stops."""
     state = dataclasses.replace(state, time=jnp.maximum(state.time, state.arrival[agent]))
-    state, _ = hear(scenario, mission, state, agent)
+    state, _ = hear(mission, state, agent)
     return _depart(scenario, form, mission, state, agent, choice, stop)
 
 
@@ -107,7 +107,7 @@ def look_all(
 ) -> tuple[Float[Array, ""], Bool[Array, " m"], View]:
     """The time of the next arrival, who arrives then, and what every agent sees at that moment (leading axis m)."""
     arrival = jnp.where(state.active, state.arrival, jnp.inf)
-    due = state.active & (arrival <= jnp.min(arrival) + time_tolerance(scenario))
+    due = state.active & (arrival <= jnp.min(arrival) + time_tolerance(mission.params.speeds))
     time = jnp.where(state.active.any(), jnp.maximum(state.time, jnp.min(arrival)), state.time)
 
     def one(agent: Index) -> View:

@@ -17,6 +17,7 @@ from maipp.engine.mission import Field, Mission, draw_missions
 from maipp.engine.score import Metrics, score_missions
 from maipp.engine.state import State, route_capacity
 from maipp.errors import InputError
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
@@ -71,7 +72,9 @@ class Survey:
         self.action_spaces = {name: action_space(scenario, form, moves) for name in self.possible_agents}
         self.observation_spaces = {name: observation_space(scenario, form, moves) for name in self.possible_agents}
         self._moves = moves
-        self._most_decisions = route_capacity(scenario, Announcer(scenario)) - 1  # then an agent's record is full
+        self._most_decisions = (
+            route_capacity(shape_of(scenario), Announcer(scenario)) - 1
+        )  # then an agent's record is full
         self._seeds = np.random.default_rng()
         self._figure: Any = None
 
@@ -169,7 +172,7 @@ class Survey:
     def metrics(self) -> Metrics:
         """Quality of the survey as decided so far; every number has a leading axis of one."""
         missions, states = self.simulator_state()
-        return score_missions(self.scenario, missions, states)
+        return score_missions(missions, states)
 
     def episode(self) -> Episode:
         """The record of the survey as decided so far, for files and pictures."""

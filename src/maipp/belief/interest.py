@@ -5,11 +5,11 @@ import jax.numpy as jnp
 from jax.scipy.special import ndtr
 
 from maipp.belief.posterior import Belief
-from maipp.typing import Array, Bool, Float
+from maipp.typing import Array, Bool, Float, Real
 
 
 def upper_confidence_bound(
-    mean: Float[Array, "*q"], variance: Float[Array, "*q"], beta: float, rule: str
+    mean: Float[Array, "*q"], variance: Float[Array, "*q"], beta: Real, rule: str
 ) -> Float[Array, "*q"]:
     """`mean + beta * std`, or `mean + beta * variance` under the rule the paper's formula writes."""
     spread = variance if rule == "variance" else jnp.sqrt(jnp.maximum(variance, 0.0))
@@ -19,8 +19,8 @@ def upper_confidence_bound(
 def high_interest_area(
     mean: Float[Array, "*q"],
     variance: Float[Array, "*q"],
-    threshold: float = 0.4,
-    beta: float = 1.0,
+    threshold: Real = 0.4,
+    beta: Real = 1.0,
     rule: str = "std",
 ) -> Bool[Array, "*q"]:
     """True where the upper confidence bound reaches the threshold (paper Sec. III-B).
@@ -37,8 +37,8 @@ def high_interest_area(
 class Interest(eqx.Module):
     """What a survey is after: the rule that says which points are of high interest."""
 
-    threshold: float = eqx.field(static=True, default=0.4)  # normalised field units
-    beta: float = eqx.field(static=True, default=1.0)  # width of the confidence bound
+    threshold: Real = 0.4  # normalised field units
+    beta: Real = 1.0  # width of the confidence bound
     rule: str = eqx.field(static=True, default="std")  # "std" or "variance"
 
     def area(
@@ -60,7 +60,7 @@ class Interest(eqx.Module):
         known: Float[Array, " q"],
         inside: Bool[Array, " q"],
         *,
-        spread: float = 1.0,
+        spread: Real = 1.0,
         blur: float,
     ) -> Float[Array, "*b"]:
         """Tr(P) expected once planned measurements have been taken; smooth in the variance.

@@ -52,7 +52,8 @@ class Surveyor:
         scenario, planner, obstacles = area.scenario, self.planner, Obstacles(area.scenario.obstacles)
         # What is static of a planner stays that of the common scenario; the zones are arrays.
         if isinstance(planner, Lawnmower):
-            sweep = clipped_sweep(scenario, *planner.tuned(), CORNERS, POINTS, VERTICES)
+            rows, margin = planner.tuned()
+            sweep = clipped_sweep(scenario, int(rows), float(margin), CORNERS, POINTS, VERTICES)
             planner = dataclasses.replace(planner, sweep=sweep)
         if isinstance(planner, PlanePlanner):
             planner = dataclasses.replace(planner, zones=zones_of(scenario, EDGES, CORNERS))
@@ -66,7 +67,7 @@ class Surveyor:
             (jnp.asarray(starts)[None], jnp.asarray(inside)[None], roadmap),
             is_leaf=lambda leaf: leaf is None,
         )
-        states = jax.tree.map(np.asarray, run_missions(self.common, planner, mission, jax.random.key(seed)))
+        states = jax.tree.map(np.asarray, run_missions(planner, mission, jax.random.key(seed)))
         routes = [states.route[0, i, : states.route_length[0, i]].astype(float) for i in range(AGENTS)]
         points = grid[shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])]
         free = free_space(scenario.obstacles, scenario.extent)

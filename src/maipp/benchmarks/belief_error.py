@@ -85,7 +85,7 @@ def belief_error(
             mission.grid,
             scenario.noise,
             near=near,
-            reach=window_reach(scenario),
+            reach=window_reach(scenario.measurement_interval),
             capacity=scenario.belief_capacity,
         )
         return belief.mean, belief.variance, interest.trace(belief.mean, belief.variance, mission.inside), y

@@ -107,14 +107,14 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     key = jax.random.key(0)
 
     def run(drawn: Any) -> Any:
-        return jax.block_until_ready(run_missions(scenario, planner, drawn, key))
+        return jax.block_until_ready(run_missions(planner, drawn, key))
 
     begun = timeit.default_timer()
     decisions = int(run(batch).events.sum())  # compiles; so does the next line
     if timeit.default_timer() - begun > _SLOW_BATCH_S:
         repeat = 1
     run(single)
-    alone = decision_time(scenario, planner, batch, key)
+    alone = decision_time(planner, batch, key)
     batch_s = statistics.median(timeit.repeat(lambda: run(batch), number=1, repeat=repeat))
     single_s = statistics.median(timeit.repeat(lambda: run(single), number=1, repeat=3 * repeat))
     return Timing(name, alone.median, alone.p95, 1e3 * single_s, 1e6 * batch_s / decisions, 1e3 * batch_s / missions)

@@ -16,6 +16,7 @@ from maipp.benchmarks.table_rows import Row
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
+from maipp.problem import Shape
 from maipp.scenario import Scenario
 from maipp.typing import Float
 
@@ -42,7 +43,7 @@ class Cell:
     instances: int
     trials: int
     seed: int
-    longest_budget: float | None  # that it is compiled for; None: for its own
+    shape: Shape  # that it is compiled for; whatever that is, the numbers are the same up to rounding
 
     @property
     def budget(self) -> float:
@@ -65,7 +66,6 @@ class Cell:
             "instances": self.instances,
             "trials": self.trials,
             "seed": self.seed,
-            "longest_budget": self.longest_budget,
         }
         return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
 
@@ -98,7 +98,7 @@ class Cell:
             trials=self.trials,
             seed=self.seed,
             timing=False,
-            longest_budget=self.longest_budget,
+            shape=self.shape,
             progress=progress,
         )
         return _result(result)

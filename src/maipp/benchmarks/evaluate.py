@@ -24,6 +24,7 @@ from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
+from maipp.problem import Shape, params_of, shape_of
 from maipp.scenario import Scenario
 from maipp.typing import Float, Key
 
@@ -103,7 +104,7 @@ def evaluate(
     trials: int = 10,
     seed: int = 0,
     timing: bool = True,
-    longest_budget: float | None = None,
+    shape: Shape | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
@@ -113,9 +114,8 @@ def evaluate(
     this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
     as its extent, and its instances differ in the start only. `timing=False` saves one compilation.
 
-    `longest_budget` compiles for that budget, so that evaluations that differ in their budget alone share one
-    compilation: the numbers stay what they are up to rounding, short missions take longer. Only for planners that read
-    their budget from the observation; one that reads the scenario's would plan for the longest.
+    `shape` is one that several evaluations share (`shape_of`), which are then compiled once: the numbers stay what they
+    are up to rounding, missions with budgets below the largest take somewhat longer.
     Raises `InputError` for an unknown planner, a bad option, or a count below one.
     """
     _check_counts(instances=instances, trials=trials)
@@ -123,13 +123,10 @@ def evaluate(
         raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
     begun = time.perf_counter()
     scenario, field = _with_field(scenario)
-    shapes = scenario if longest_budget is None else scenario.replace(budget=longest_budget)
-    if longest_budget is not None and longest_budget < max(scenario.budgets):
-        raise InputError(f"longest_budget: {longest_budget:g} is below the scenario's {max(scenario.budgets):g}")
-    planner = make_planner(planner_name, shapes, options)
-    missions = _draw(scenario, field, seed, instances, trials, planner)
+    planner = make_planner(planner_name, scenario, options)
+    missions = _draw(scenario, field, seed, instances, trials, planner, shape)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-    metrics = _run_in_parts(shapes, planner, missions, key, progress)
+    metrics = _run_in_parts(planner, missions, key, progress)
     values = {
         field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
         for field in dataclasses.fields(Metrics)
@@ -143,7 +140,7 @@ def evaluate(
         seed=seed,
         values=values,
         message_bytes=message_bytes(planner),
-        decision_ms=decision_time(shapes, planner, missions, key) if timing else None,
+        decision_ms=decision_time(planner, missions, key) if timing else None,
         wall_s=time.perf_counter() - begun,
         machine=machine(),
         versions=versions(),
@@ -170,9 +167,7 @@ def to_json(evaluations: Sequence[Evaluation]) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def _run_in_parts(
-    scenario: Scenario, planner: Planner, missions: Mission, key: Key, progress: Progress | None
-) -> Metrics:
+def _run_in_parts(planner: Planner, missions: Mission, key: Key, progress: Progress | None) -> Metrics:
     """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
     count = missions.start.shape[0]
     block = lanes_at_most(planner) * len(missions_devices())
@@ -182,9 +177,9 @@ def _run_in_parts(
     for first in range(0, count, size):
         index = np.minimum(np.arange(first, first + size), count - 1)
         part = jax.tree.map(lambda array, index=index: array[index], missions)
-        states = run_missions(scenario, planner, part, key, first=first)
+        states = run_missions(planner, part, key, first=first)
         done = min(first + size, count)
-        metrics = jax.device_get(score_missions(scenario, part, states))
+        metrics = jax.device_get(score_missions(part, states))
         scored.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))
         if progress is not None:
             progress(done, count)
@@ -192,9 +187,15 @@ def _run_in_parts(
 
 
 def _draw(
-    scenario: Scenario, field: Raster | None, seed: int, instances: int, trials: int, planner: Planner
+    scenario: Scenario,
+    field: Raster | None,
+    seed: int,
+    instances: int,
+    trials: int,
+    planner: Planner,
+    shape: Shape | None,
 ) -> Mission:
-    """The missions of an evaluation; those of one scenario with other budgets or planners are drawn once."""
+    """The missions of an evaluation; those of scenarios that share their worlds are drawn once."""
     roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     if field is not None:  # its file may change between two evaluations
         return draw_missions(
@@ -205,11 +206,21 @@ def _draw(
             roadmaps=roadmaps,
             encodings=encodings,
             field=field,
+            shape=shape,
         )
-    any_budget = scenario.replace(budget=scenario.measurement_interval, comm_range=None)  # neither shapes the worlds
-    missions = _draw_once(any_budget, seed, instances, trials, roadmaps, encodings)
-    budgets = jnp.broadcast_to(jnp.asarray(scenario.budgets), missions.budgets.shape)
-    return dataclasses.replace(missions, budgets=budgets)
+    worlds = Scenario.from_dict({name: value for name, value in scenario.to_dict().items() if name in _OF_WORLDS})
+    missions = _draw_once(worlds, seed, instances, trials, roadmaps, encodings)
+    params = jax.tree.map(
+        lambda number, like: jnp.broadcast_to(number, like.shape), params_of(scenario), missions.params
+    )
+    return dataclasses.replace(missions, shape=shape or shape_of(scenario), params=params)
+
+
+# What of a scenario decides which worlds are drawn.
+_OF_WORLDS = (
+    *("agents", "start", "extent", "grid", "obstacles", "mixture_components", "mixture_variance"),
+    *("nodes", "neighbours"),
+)
 
 
 @lru_cache(maxsize=9)  # without roadmaps, with them, and with their encodings, each for three numbers of trials

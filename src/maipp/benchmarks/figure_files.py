@@ -116,7 +116,7 @@ def _words(plan: Plan) -> str:
 def _survey(plan: Plan) -> Episode:
     planner = make_planner(_SURVEYED, plan.scenario)
     missions = draw_missions(plan.scenario, seed=plan.seed, instances=1, planner=planner)
-    states = run_missions(plan.scenario, planner, missions, jax.random.key(plan.seed))
+    states = run_missions(planner, missions, jax.random.key(plan.seed))
     return Episode.from_state(plan.scenario, _SURVEYED, {}, plan.seed, missions, states)
 
 

@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.engine import Mission, Planner, State
+from maipp.engine.rollout import run_recorded
 from maipp.planners.announced import Announcement
-from maipp.planners.told_record import run_recorded
-from maipp.scenario import Scenario
 from maipp.team import Intent, fit_intent
 from maipp.team.intent import is_told, symmetric_kl
 from maipp.typing import Bool, Float, Int, Key
@@ -27,14 +26,14 @@ class History(NamedTuple):
     intent: Intent  # (b, e): what it told, as a Gaussian; NaN where it told nothing
 
 
-def intents_told(scenario: Scenario, planner: Planner, missions: Mission, key: Key) -> History:
+def intents_told(planner: Planner, missions: Mission, key: Key) -> History:
     """Run missions (leading axis b), and keep what each decision told.
 
     Mission i draws its randomness from `fold_in(key, i)`, as in `run_missions`. A planned path that was announced
     counts as the Gaussian fitted to the measurements planned on it.
     """
-    run = run_recorded(scenario, planner, missions, key, as_intent)
-    return History(run.states, run.agent, run.counts, run.kept)
+    states, events = run_recorded(planner, missions, key, as_intent)
+    return History(states, events.agent, events.counts, events.kept)
 
 
 def as_intent(message: Any) -> Intent:

@@ -61,11 +61,11 @@ def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int,
     )
     key = jax.random.key(seed)
     with one_core():
-        first, seconds = first_decision_seconds(scenario, planner, missions, key, least=decisions)
+        first, seconds = first_decision_seconds(planner, missions, key, least=decisions)
     taken, (cold, warm) = 0, (0.0, 0.0)
     for number in range(2):
         begun = time.perf_counter()
-        taken = int(np.asarray(run_missions(scenario, planner, missions, key).events).sum())
+        taken = int(np.asarray(run_missions(planner, missions, key).events).sum())
         cold, warm = (time.perf_counter() - begun, warm) if number == 0 else (cold, time.perf_counter() - begun)
     median, p95, p99 = (float(np.percentile(seconds, q)) for q in (50, 95, 99))
     return Latency(

@@ -1,11 +1,14 @@
 """A survey half done, made up: what timing and errors are measured on, without flying the first half."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from maipp.engine import Mission, Planner, State, draw_missions, reset
+from maipp.problem import params_of, shape_of
 from maipp.scenario import Scenario
 from maipp.typing import Float
 
@@ -39,12 +42,12 @@ def under_way(scenario: Scenario, planner: Planner, *, seed: int, count: int) ->
     drawn = draw_missions(alone, seed=seed, instances=1, planner=planner)
     m = scenario.agents
     mission = jax.tree.map(lambda a: a[0], drawn)
-    shared = jax.tree.map(lambda a: jnp.repeat(a, m, axis=0), (mission.start, mission.budgets, mission.speeds))
+    start = jnp.repeat(mission.start, m, axis=0)
     roadmap = jax.tree.map(lambda a: jnp.repeat(jnp.asarray(a), m, axis=0), mission.roadmap)
-    mission = eqx.tree_at(lambda m: (m.start, m.budgets, m.speeds), mission, shared)
+    mission = dataclasses.replace(mission, shape=shape_of(scenario), params=params_of(scenario), start=start)
     if roadmap is not None:
         mission = eqx.tree_at(lambda m: m.roadmap, mission, roadmap)
-    state = reset(scenario, planner, mission)
+    state = reset(planner, mission)
     rng = np.random.default_rng(seed)
     interval = scenario.measurement_interval
     visited = walks(rng, m, count, interval)

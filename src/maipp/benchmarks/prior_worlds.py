@@ -20,6 +20,7 @@ from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.score import Metrics, score_missions
 from maipp.fields.gp_field import draw_fields
 from maipp.planners import make_planner
+from maipp.problem import Shape
 from maipp.scenario import Scenario
 
 # Mixed into the seed for the fields and for the planner's randomness, so that they share no key with an instance.
@@ -38,12 +39,11 @@ class PriorCell(Cell):
     def compute(self, progress: Progress | None = None) -> CellResult:
         """Run the missions."""
         begun = time.perf_counter()
-        shapes = self.scenario if self.longest_budget is None else self.scenario.replace(budget=self.longest_budget)
-        planner = make_planner(self.row.planner, shapes, self.row.options)
-        missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials)
+        planner = make_planner(self.row.planner, self.scenario, self.row.options)
+        missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
         key = jax.random.fold_in(jax.random.key(self.seed), _PLANNER_STREAM)
-        states = run_missions(shapes, planner, missions, key)
-        metrics = jax.device_get(score_missions(shapes, missions, states))
+        states = run_missions(planner, missions, key)
+        metrics = jax.device_get(score_missions(missions, states))
         if progress is not None:
             progress(self.instances * self.trials, self.instances * self.trials)
         values: Mapping[str, np.ndarray] = {
@@ -53,7 +53,9 @@ class PriorCell(Cell):
         return CellResult(values, time.perf_counter() - begun, machine(), versions())
 
 
-def prior_missions(scenario: Scenario, planner: Planner, seed: int, instances: int, trials: int) -> Mission:
+def prior_missions(
+    scenario: Scenario, planner: Planner, seed: int, instances: int, trials: int, shape: Shape | None = None
+) -> Mission:
     """A batch of `instances * trials` missions as `draw_missions` draws them, but for the ground truth: a draw of the
     Gaussian process that the scenario describes. The instance fixes it, whatever the planner and the budget."""
     missions = draw_missions(
@@ -62,6 +64,7 @@ def prior_missions(scenario: Scenario, planner: Planner, seed: int, instances: i
         instances=instances,
         trials=trials,
         planner=planner,
+        shape=shape,
     )
     kernel = Matern32(scenario.length_scale, scenario.signal_variance)
     drawn = draw_fields(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), kernel, instances)

@@ -39,13 +39,13 @@ def sampled_paths(scenario: Scenario, *, paths: int, steps: int, decision: int, 
     drawn = draw_missions(scenario, seed=seed, instances=1, planner=planner)
     mission = jax.tree.map(lambda array: array[0], drawn)
     key = jax.random.fold_in(jax.random.key(seed), 0)
-    state = reset(scenario, planner, mission)
+    state = reset(planner, mission)
     advance = eqx.filter_jit(step)
     for _ in range(decision):
-        state = advance(scenario, planner, mission, state, key)
+        state = advance(planner, mission, state, key)
     if not bool(state.active.any()):
         raise InputError(f"decision {decision}: the mission ends before; give a smaller number")
-    state, agent, observation = turn(scenario, mission, state)
+    state, agent, observation = turn(mission, state)
     memory = jax.tree.map(lambda array: array[agent], state.memory)
     look = eqx.filter_jit(IntentPlanner.trajectories)
     nodes, taken = look(planner, jax.random.fold_in(key, state.events), observation, memory)

@@ -6,19 +6,17 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
 
 from maipp.benchmarks.mid_survey import under_way
-from maipp.engine import Decision, Mission, State
 from maipp.engine.advance import advance
-from maipp.engine.observe import turn
+from maipp.engine.rollout import due_decision
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
-from maipp.typing import Index, Key
 
 PLANNERS = ("shared-greedy", "receding-horizon", "ti-star")
 
@@ -104,22 +102,13 @@ def measure(
     planner = make_planner(name, scenario)
     count = size.measurements // size.agents
     mission, state = under_way(scenario, planner, seed=seed, count=count)
-    arrays, static = eqx.partition(planner, eqx.is_array)
-
-    def decide(arrays: Any, mission: Mission, state: State, key: Key) -> tuple[State, Index, Decision]:
-        state, agent, observation = turn(scenario, mission, state)
-        memory = jax.tree.map(lambda array: array[agent], state.memory)
-        return (
-            state,
-            agent,
-            eqx.combine(arrays, static).decide(jax.random.fold_in(key, state.events), observation, memory),
-        )
-
+    arrays, static = eqx.partition(planner.on(mission.problem), eqx.is_array)
     key = jax.random.key(seed)
     begun = time.process_time()
-    compiled = jax.jit(decide).lower(arrays, mission, state, key).compile()
+    compiled = jax.jit(lambda arrays, *inputs: due_decision(eqx.combine(arrays, static), *inputs))
+    compiled = compiled.lower(arrays, mission, state, key).compile()
     compile_s = time.process_time() - begun
-    proceed = jax.jit(lambda mission, *rest: advance(scenario, planner, mission, *rest))
+    proceed = jax.jit(lambda arrays, *inputs: advance(eqx.combine(arrays, static), *inputs))
     milliseconds: list[float] = []
     # In the first round nobody has told anything yet.
     for event in range(size.agents + least):
@@ -128,7 +117,7 @@ def measure(
         decided = jax.block_until_ready(compiled(arrays, mission, state, key))
         if event >= size.agents:
             milliseconds.append(1e3 * (time.process_time() - begun))
-        state = proceed(mission, *decided)
+        state = proceed(arrays, mission, *decided)
         if not bool(state.active.any()):
             break
     needs = compiled.memory_analysis()

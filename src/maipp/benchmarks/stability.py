@@ -53,9 +53,9 @@ def measure(kind: str, length: int, scenario: Scenario, *, instances: int, seed:
         instances=instances,
         planner=planner,
     )
-    history = intents_told(scenario, planner, missions, jax.random.key(seed))
+    history = intents_told(planner, missions, jax.random.key(seed))
     kl = divergences(history, scenario.agents)
-    trace = np.asarray(score_missions(scenario, missions, history.states).trace, np.float64)
+    trace = np.asarray(score_missions(missions, history.states).trace, np.float64)
     means = np.array([pairs.mean() if len(pairs) else math.nan for pairs in kl])
     return Stability(kind, length, row, means[:, None], float(np.median(np.concatenate(kl))), trace[:, None])
 

@@ -24,6 +24,7 @@ from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.planners import planner_options
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 PLANNERS = ("ti-star", "shared-greedy", "receding-horizon", "lawnmower")
@@ -91,13 +92,12 @@ def places(flags: Standardised, base: Scenario | None = None) -> Iterator[Place]
     for name in flags.planners:
         planner_options(name)  # raises for an unknown name
     base = Scenario() if base is None else base
-    longest = max(flags.budgets)
     for aspect in flags.aspects:
         for scale in flags.length_scales:
             scenario = base.replace(length_scale=scale, extent=(1.0, 1.0 / aspect))
+            shape = shape_of([scenario.replace(budget=budget) for budget in flags.budgets])
             for planner in flags.planners:
-                # The lawnmower tunes its rows to the scenario's budget.
-                row = Row(planner, planner, one_compilation=planner != "lawnmower")
+                row = Row(planner, planner)
                 for budget in flags.budgets:
                     kind = WORLDS[flags.worlds]
                     cell = kind(
@@ -106,7 +106,7 @@ def places(flags: Standardised, base: Scenario | None = None) -> Iterator[Place]
                         flags.instances,
                         flags.trials,
                         flags.seed,
-                        longest if row.one_compilation else None,
+                        shape,
                     )
                     yield Place(aspect, scale, budget, planner, cell)
 

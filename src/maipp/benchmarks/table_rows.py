@@ -19,8 +19,6 @@ class Row:
     most_trials: int | None = None  # fewer than asked for, where a trial is dear; the table says so
     quick: bool = True  # False: too dear for a quick look, unless it is asked for by name
     by_name: bool = False  # in no table unless it is asked for by name: as dear as many other rows together
-    # Whether the planner takes its budget from the observation alone, so that one compilation serves all budgets.
-    one_compilation: bool = True
 
     @property
     def label(self) -> str:
@@ -58,7 +56,6 @@ TI_STAR = Row(
     {"paths": 8, "steps": 5, "rank": "stationary", "share": "samples", "distinct": False, "keep": False} | _APART,
     "TI(8, 5)*",
 )
-# It reads the scenario's budget where an agent has not planned yet: any that pays for its next legs is the same to it.
 JOINT = Row("receding-horizon-joint", "receding-horizon", {"joint": True}, most_trials=1, quick=False)
 
 OURS = (
@@ -66,7 +63,7 @@ OURS = (
     Row("untrained", "ti-star", {"weights": "untrained"}, most_trials=3),
     Row("greedy", "greedy"),
     Row("shared-greedy", "shared-greedy"),
-    Row("lawnmower", "lawnmower", one_compilation=False),  # its rows are tuned to the scenario's budget
+    Row("lawnmower", "lawnmower"),
     Row("ti-star", "ti-star"),
     Row("ti-star-deaf", "ti-star", {"listen": False}, most_trials=3),  # what intents are worth
     # What the paper's virtual steps are worth.

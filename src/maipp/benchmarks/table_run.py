@@ -35,8 +35,7 @@ class Line:
 def cell(table: TableSpec, part: Part, row: Row, budget: float, sample: Sample) -> Cell:
     """The cell of a row at a budget."""
     trials = min(sample.trials, row.most_trials or sample.trials)
-    longest = table.longest_budget if row.one_compilation else None
-    return Cell(row, part.scenario.replace(budget=budget), sample.instances, trials, sample.seed, longest)
+    return Cell(row, part.scenario.replace(budget=budget), sample.instances, trials, sample.seed, table.shape)
 
 
 def cells(table: TableSpec, rows: Sequence[Row], sample: Sample) -> Iterator[Cell]:

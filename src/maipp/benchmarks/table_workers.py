@@ -130,5 +130,4 @@ def _receive(worker: _Worker, missing: Sequence[Cell]) -> object:
 
 def _kind(cell: Cell) -> Hashable:
     """Equal for cells that run the same compiled program."""
-    budget = cell.budget if cell.longest_budget is None else cell.longest_budget
-    return cell.row.name, cell.scenario.replace(budget=budget)
+    return cell.row.name, cell.shape

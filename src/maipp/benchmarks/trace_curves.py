@@ -37,18 +37,16 @@ def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> C
         instances=instances,
         planner=planner,
     )
-    states = run_missions(scenario, planner, missions, jax.random.key(seed))
+    states = run_missions(planner, missions, jax.random.key(seed))
     distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval
     # Times are sums of float32 legs: each instant includes all of its own measurements.
-    traces = _traces(scenario, missions, states, distance + time_tolerance(scenario))
+    traces = _traces(missions, states, distance + time_tolerance(np.asarray(scenario.speeds)))
     return Curve(row, distance, np.asarray(traces, np.float64))
 
 
 @partial(jax.jit, static_argnums=0)
-def _traces(
-    scenario: Scenario, missions: Mission, states: State, times: Float[Array, " d"]
-) -> Float[Array, "instances d"]:
-    return lax.map(lambda pair: trace_over_time(scenario, pair[0], pair[1], times), (missions, states))
+def _traces(missions: Mission, states: State, times: Float[Array, " d"]) -> Float[Array, "instances d"]:
+    return lax.map(lambda pair: trace_over_time(pair[0], pair[1], times), (missions, states))
 
 
 def curves_csv(curves: Sequence[Curve]) -> str:

@@ -16,6 +16,7 @@ from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to
 from maipp.cli.options import PlannerFlags
 from maipp.errors import InputError
 from maipp.planners import make_planner, planner_names, planner_options
+from maipp.problem import Shape, shape_of
 from maipp.scenario import Scenario
 
 INTERRUPTED = 130
@@ -50,6 +51,7 @@ class Evaluate(PlannerFlags):
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
     rows = _rows(flags)
+    shape = _shared_shape([scenario for _, scenario, _ in rows])
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable(Path(str(flags.json)))
@@ -79,6 +81,7 @@ def run(flags: Evaluate) -> int:
                     trials=flags.trials,
                     seed=flags.seed,
                     timing=flags.timing,
+                    shape=shape,
                     progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
                 )
                 done.append(evaluation)
@@ -116,6 +119,11 @@ def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
             make_planner(planner, scenario, options)  # before any work: a bad option in the last row costs nothing
             rows.append((planner, scenario, options))
     return rows
+
+
+def _shared_shape(scenarios: list[Scenario]) -> Shape | None:
+    """One shape for all budgets, so that each planner is compiled once; None where a file may set the extent."""
+    return None if any(scenario.field for scenario in scenarios) else shape_of(scenarios)
 
 
 def _table(evaluations: list[Evaluation]) -> Table:

@@ -227,7 +227,8 @@ def _simulate(
 
     from maipp.engine import draw_missions, run_missions
     from maipp.engine.episode import Episode
-    from maipp.planners.told_record import run_recorded, tells_plans, told_in
+    from maipp.engine.rollout import run_recorded
+    from maipp.planners.told_record import tells_plans, told_in, whole_message
 
     try:
         missions = draw_missions(
@@ -241,11 +242,11 @@ def _simulate(
         raise InputError(str(error)) from error
     advance()
     told = ()
-    if _has_plotly() and tells_plans(planner):
-        recorded = run_recorded(scenario, planner, missions, jax.random.key(seed), lambda message: message)
-        states, told = recorded.states, told_in(recorded)
+    if tells_plans(planner):
+        states, events = run_recorded(planner, missions, jax.random.key(seed), whole_message)
+        told = told_in(events)
     else:
-        states = jax.block_until_ready(run_missions(scenario, planner, missions, jax.random.key(seed)))
+        states = jax.block_until_ready(run_missions(planner, missions, jax.random.key(seed)))
     advance()
     mapping = None if field is None else field.mapping
     episode = Episode.from_state(scenario, name, options, seed, missions, states, mapping=mapping)

@@ -5,38 +5,41 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 
+from maipp.engine.decide import depart
 from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
-from maipp.engine.polyline import along, cut_leg
+from maipp.engine.polyline import along
 from maipp.engine.rows import pick, put
-from maipp.engine.state import State, route_capacity
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.engine.state import State
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Index
 
 
-def advance(
-    scenario: Scenario, planner: Planner, mission: Mission, state: State, agent: Index, decision: Decision
-) -> State:
-    """The state after `agent` set off on its decision: the legs are cut at its budget, measurements get their time."""
+def advance(planner: Planner, mission: Mission, state: State, agent: Index, decision: Decision) -> State:
+    """The state after `agent` set off on its decision: the legs are cut at its budget, measurements get their time.
+
+    Where the record of its route has no room for that, nothing happens but that the state says so (`full`).
+    """
     active = pick(state.active, agent)
     odometer = pick(state.odometer, agent)
-    remaining = pick(mission.budgets, agent) - odometer
+    remaining = pick(mission.params.budgets, agent) - odometer
     departure = state.time
-    speed = pick(mission.speeds, agent)
+    speed = pick(mission.params.speeds, agent)
     position = pick(state.leg, agent)[-1]
 
-    leg, reach = cut_leg(scenario, position, decision.waypoints, remaining)
-    length = reach[-1]
-    capacity = route_capacity(scenario, planner)
+    decided = depart(mission.problem, position, remaining, decision)
+    leg, reach, length = decided.leg, decided.reach, decided.length
+    capacity = state.route.shape[-2]
     w = planner.waypoints_per_decision
-    full = pick(state.route_length, agent) + w > capacity
-    go = active & ~jnp.asarray(decision.stop, bool) & (length > DISTANCE_TOLERANCE) & ~full
+    full = active & decided.go & (pick(state.route_length, agent) + w > capacity)
+    acts = active & ~full
+    go = acts & decided.go
 
     # Count measurements rather than compare distances twice, so that none is lost or doubled by rounding.
-    interval = scenario.measurement_interval
+    interval = mission.params.measurement_interval
     taken = pick(state.taken, agent)
     reached = jnp.floor((odometer + length + DISTANCE_TOLERANCE) / interval).astype(jnp.int32)
-    slots = jnp.arange(scenario.measurements_per_agent)
+    slots = jnp.arange(mission.shape.slots)
     new = (slots >= taken) & (slots < reached)
     offset = jnp.clip((slots + 1) * interval - odometer, 0.0, length)
     spots = along(leg, offset)
@@ -51,15 +54,15 @@ def advance(
     route_time = jnp.where(fresh, departure + reach[at] / speed, pick(state.route_time, agent))
 
     def tell(old: Array, new: Array) -> Array:
-        return put(old, agent, new, active)
+        return put(old, agent, new, acts)
 
     return dataclasses.replace(
         state,
-        events=state.events + active.astype(jnp.int32),
-        active=put(state.active, agent, go, jnp.asarray(True)),
-        leg=put(state.leg, agent, jnp.where(go, leg, position), active),
-        departure=put(state.departure, agent, departure, active),
-        arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, active),
+        events=state.events + acts.astype(jnp.int32),
+        active=put(state.active, agent, go, ~full),
+        leg=put(state.leg, agent, jnp.where(go, leg, position), acts),
+        departure=put(state.departure, agent, departure, acts),
+        arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, acts),
         odometer=put(state.odometer, agent, odometer + length, go),
         taken=put(state.taken, agent, jnp.maximum(reached, taken), go),
         measurement_x=put(state.measurement_x, agent, row_x, go),
@@ -70,4 +73,5 @@ def advance(
         route=put(state.route, agent, route, go),
         route_time=put(state.route_time, agent, route_time, go),
         route_length=put(state.route_length, agent, pick(state.route_length, agent) + w, go),
+        full=put(state.full, agent, full, jnp.asarray(True)),
     )

@@ -6,15 +6,37 @@ from typing import Any, ClassVar
 import equinox as eqx
 
 from maipp.belief import Belief, Interest, Matern32
+from maipp.problem import Problem
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Index, Key
+from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 PyTree = Any
 
 
+class Knowledge(eqx.Module):
+    """What the agent that is due knows, from whichever record: the batch engine's state, or a live survey's."""
+
+    agent: Index  # index of the agent that decides
+    time: Float[Array, ""]  # now
+    position: Float[Array, "2"]  # where the agent is, domain units
+    start: Float[Array, "2"]  # where it began
+    budget: Float[Array, ""]  # its whole budget, domain units
+    odometer: Float[Array, ""]  # what of it has been travelled
+    next_measurement: Float[Array, ""]  # odometer at which it measures next
+    speed: Float[Array, ""]  # its speed
+    measurement_x: Float[Array, "s 2"]  # positions, domain units
+    measurement_y: Float[Array, " s"]  # measured values, normalised units
+    measurement_time: Float[Array, " s"]  # when; inf in an empty slot
+    measured_by: Int[Array, " s"]  # the agent whose measurement each slot is for
+    known: Bool[Array, " s"]  # the slots whose value this agent knows
+    heard: Bool[Array, " m"]  # agents within communication range now; never itself
+    messages: PyTree  # last message of every agent, leading axis m; valid only where heard
+    positions: Float[Array, "m 2"]  # where the agents are now; valid only where heard, and its own
+
+
 class Observation(eqx.Module):
-    """What the agent that is due knows at the moment it decides."""
+    """What the agent that is due knows at the moment it decides. The slots of measurements are in no order."""
 
     agent: Index  # index of the agent that decides
     time: Float[Array, ""]  # now
@@ -24,9 +46,10 @@ class Observation(eqx.Module):
     remaining: Float[Array, ""]  # what is left of it
     speed: Float[Array, ""]  # its speed
     to_next_measurement: Float[Array, ""]  # distance it travels before it measures again, in (0, interval]
-    # Slots: all of the team's, agent by agent, and after them the prior samples, where the mission has any.
     measurement_x: Float[Array, "s 2"]  # positions, domain units
     measurement_y: Float[Array, " s"]  # measured values, normalised units
+    measurement_time: Float[Array, " s"]  # when; -inf for prior samples, inf in an empty slot
+    measured_by: Int[Array, " s"]  # agent whose measurement each is; -1 for samples from before the survey
     known: Bool[Array, " s"]  # the slots whose value this agent knows; it always knows the prior samples
     belief: Belief  # its own belief, predicted on the evaluation grid
     inside: Bool[Array, " q"]  # grid points of the survey area
@@ -55,19 +78,30 @@ def option(default: Any = dataclasses.MISSING, *, meaning: str = "") -> Any:
     return eqx.field(static=True, default=default, kw_only=required, metadata={"option": meaning})
 
 
+def _is_problem(node: object) -> bool:
+    return isinstance(node, Problem)
+
+
 class Planner(eqx.Module):
     """Base of every planner: a pytree whose options are static and whose weights, if any, are arrays.
 
     Subclass it, implement `decide`, and register a constructor with `maipp.planners.register`. All methods must be
     traceable by JAX; `decide` is compiled once and vmapped over missions.
+
+    `scenario` is the one that the planner was made for; while `decide` is compiled it is a `Problem` with the same
+    names: what sets sizes (`agents`, `grid`) is a Python value, any other number (`threshold`, `extent`) an array.
     """
 
-    scenario: Scenario = eqx.field(static=True, metadata={"option": False})
+    scenario: Scenario | Problem
 
     uses_roadmap: ClassVar[bool] = False  # draw a roadmap for every agent
     avoids_obstacles: ClassVar[bool] = (
         False  # its legs never cross a no-go zone; others are refused where there are any
     )
+
+    def on(self, problem: Problem) -> Any:
+        """The planner for compiled code, with the numbers of this problem in place of its scenario's."""
+        return eqx.tree_at(lambda planner: planner.scenario, self, problem, is_leaf=_is_problem)
 
     @property
     def waypoints_per_decision(self) -> int:

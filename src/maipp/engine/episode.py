@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping as MappingType
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -18,6 +18,7 @@ from maipp.engine.score import interest_of, kernel_of
 from maipp.engine.state import State
 from maipp.fields import evaluation_grid
 from maipp.fields.raster import Mapping
+from maipp.problem import Problem, problem_of
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Int
 
@@ -98,7 +99,14 @@ class Episode:
         """The record of mission `index` of a finished batch (leading axis b on every array)."""
         host: Any = jax.device_get(states)
         world: Any = jax.device_get(
-            (missions.start, missions.budgets, missions.speeds, missions.truth, missions.inside, missions.prior)
+            (
+                missions.start,
+                missions.params.budgets,
+                missions.params.speeds,
+                missions.truth,
+                missions.inside,
+                missions.prior,
+            )
         )
         start, budgets, speeds, truth, inside, prior = jax.tree.map(lambda array: array[index], world)
         waypoints = host.leg.shape[-2] - 1
@@ -178,7 +186,7 @@ class Episode:
     def measurement_instants(self) -> Float[np.ndarray, " t"]:
         """The times at which somebody measured, simultaneous ones once."""
         times = np.sort(np.concatenate([agent.measurement_time for agent in self.agents]))
-        return times[np.append(np.diff(times) > time_tolerance(self.scenario), True)[: len(times)]]
+        return times[np.append(np.diff(times) > time_tolerance(np.asarray(self.scenario.speeds)), True)[: len(times)]]
 
     def beliefs(self, times: Float[np.ndarray, " t"]) -> GridBeliefs:
         """The team's pooled belief from what had been measured by each of these times; inf: by the end."""
@@ -208,7 +216,9 @@ class Episode:
         padded[: len(masks)] = masks
         blocks = [
             jax.device_get(
-                _grid_beliefs(self.scenario, x.reshape(-1, 2), y.reshape(-1), self.inside, block, self.prior)
+                _grid_beliefs(
+                    problem_of(self.scenario), x.reshape(-1, 2), y.reshape(-1), self.inside, block, self.prior
+                )
             )
             for block in padded.reshape(-1, _BELIEFS_PER_CALL, masks.shape[1])
         ]
@@ -225,13 +235,15 @@ def replay(episode: Episode) -> EpisodeMetrics:
     scenario = episode.scenario
     times = np.append(np.zeros(1, episode.truth.dtype), episode.measurement_instants())
     # Simultaneous measurements differ by rounding; each instant includes all of its own.
-    pooled = episode.beliefs(times + np.append(0.0, np.full(len(times) - 1, time_tolerance(scenario))))
+    pooled = episode.beliefs(
+        times + np.append(0.0, np.full(len(times) - 1, time_tolerance(np.asarray(scenario.speeds))))
+    )
     mean, variance, inside = pooled.mean[-1], pooled.variance[-1], episode.inside
     interesting = (episode.truth >= scenario.threshold) & inside
     x, y, time = episode._slots()
     taken = np.isfinite(time).reshape(-1)
     information: Any = jax.device_get(
-        _information(scenario, x.reshape(-1, 2), y.reshape(-1), taken, pooled.area[-1], episode.prior)
+        _information(problem_of(scenario), x.reshape(-1, 2), y.reshape(-1), taken, pooled.area[-1], episode.prior)
     )
     return EpisodeMetrics(
         trace=shortest(pooled.trace[-1]),
@@ -244,9 +256,9 @@ def replay(episode: Episode) -> EpisodeMetrics:
     )
 
 
-@partial(jax.jit, static_argnums=0)
+@jax.jit
 def _grid_beliefs(
-    scenario: Scenario,
+    scenario: Problem,
     x: Float[Array, "n 2"],
     y: Float[Array, " n"],
     inside: Bool[Array, " q"],
@@ -271,9 +283,9 @@ def _grid_beliefs(
     return lax.map(one, masks)
 
 
-@partial(jax.jit, static_argnums=0)
+@jax.jit
 def _information(
-    scenario: Scenario,
+    scenario: Problem,
     x: Float[Array, "n 2"],
     y: Float[Array, " n"],
     mask: Bool[Array, " n"],

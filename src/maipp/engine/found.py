@@ -11,7 +11,6 @@ from maipp.engine.episode import Episode
 from maipp.engine.mission import Mission
 from maipp.engine.score import interest_of, moments_of, taken_by
 from maipp.engine.state import State
-from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float
 
 # What counts as predicted: where the upper confidence bound reaches the threshold (the predicted high-interest area),
@@ -60,15 +59,15 @@ def area_found(
 
 
 @eqx.filter_jit
-def score_found(scenario: Scenario, missions: Mission, states: State, rule: Rule = "bound") -> AreaFound:
+def score_found(missions: Mission, states: State, rule: Rule = "bound") -> AreaFound:
     """What the team's pooled belief has found at the end of each of a batch of missions (leading axis b)."""
 
     def one(pair: tuple[Mission, State]) -> AreaFound:
         mission, state = pair
-        mean, variance = moments_of(scenario, mission, state)(taken_by(state))
-        interest = interest_of(scenario)
+        mean, variance = moments_of(mission, state)(taken_by(state))
+        interest = interest_of(mission.problem)
         predicted = interest.area(mean, variance, mission.inside) if rule == "bound" else mean >= interest.threshold
-        return area_found(mission.truth >= scenario.threshold, predicted, mission.inside)
+        return area_found(mission.truth >= mission.params.threshold, predicted, mission.inside)
 
     return lax.map(one, (missions, states))
 

@@ -15,6 +15,7 @@ from maipp.engine.decision import Planner
 from maipp.engine.prior_checks import prior_arrays
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
+from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Int, Key, Keys
@@ -25,18 +26,23 @@ Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 class Mission(eqx.Module):
     """One drawn world. A batch of missions is the same pytree with a leading axis on every array."""
 
+    shape: Shape = eqx.field(static=True)  # of all that is compiled for it
+    params: Params  # its numbers
     field: Any  # a `Field` that is a pytree: the ground truth, callable on points
     grid: Float[Array, "*b q 2"]  # evaluation grid, domain units
     truth: Float[Array, "*b q"]  # the field on the grid, normalised units
     inside: Bool[Array, "*b q"]  # grid points of the survey area: False within no-go zones
     start: Float[Array, "*b m 2"]  # where each agent begins, domain units
-    budgets: Float[Array, "*b m"]  # longest path of each agent, domain units
-    speeds: Float[Array, "*b m"]  # domain units per unit of time
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
     # Samples taken before the survey, which every belief is conditioned on; None where there are none.
     prior_x: Float[Array, "*b p 2"] | None = None  # positions, domain units
     prior_y: Float[Array, "*b p"] | None = None  # values, standardised
     prior_noise: Float[Array, "*b p"] | None = None  # noise variance of each; None: that of the scenario
+
+    @property
+    def problem(self) -> Problem:
+        """Shape and numbers, under the scenario's names."""
+        return Problem(self.shape, self.params)
 
     @property
     def prior(self) -> PriorSamples | None:
@@ -55,22 +61,25 @@ def _instance_keys(seed: Int[Array, ""], instances: int) -> Keys:
     return jax.vmap(lambda i: jax.random.fold_in(jax.random.key(seed), i))(jnp.arange(instances))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnames=("points", "components", "instances"))
 def _draw_worlds(
-    scenario: Scenario, instances: int, seed: Int[Array, ""], field: Any
+    seed: Int[Array, ""],
+    field: Any,
+    extent: Float[Array, "2"],
+    variance: Float[Array, "2"],
+    *,
+    points: int,
+    components: tuple[int, int],
+    instances: int,
 ) -> tuple[Array, Any, Array, Array]:
     """Grid, ground truths as functions and on the grid, and draws to take the start from, in one compilation."""
-    grid = evaluation_grid(scenario.grid, scenario.extent)
+    grid = evaluation_grid(points, extent)
 
     def world(key: Key) -> tuple[Any, Array, Array]:
         truth = field
         if truth is None:
             truth = sample_mixture(
-                jax.random.fold_in(key, 0),
-                components=scenario.mixture_components,
-                variance=scenario.mixture_variance,
-                extent=scenario.extent,
-                grid=grid,
+                jax.random.fold_in(key, 0), components=components, variance=variance, extent=extent, grid=grid
             )
         return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
 
@@ -102,6 +111,7 @@ def draw_missions(
     field: Field | None = None,
     prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
     prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
+    shape: Shape | None = None,
 ) -> Mission:
     """A batch of `instances * trials` missions, instance slowest.
 
@@ -111,14 +121,17 @@ def draw_missions(
     ground truth. `prior` are positions (domain units) and standardised values of samples taken before the survey, the
     same in every mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each
     other; none at all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the
-    scenario's.
+    scenario's. `shape` is the scenario's own, or one that it shares with others (`shape_of`).
     Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
     """
     if planner is not None:
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
-    drawn = jax.device_get(_draw_worlds(scenario, instances, seed, field))
+    real = jnp.result_type(float)
+    numbers = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
+    sizes = {"points": scenario.grid, "components": scenario.mixture_components, "instances": instances}
+    drawn = jax.device_get(_draw_worlds(seed, field, *numbers, **sizes))
     grid, fields, truth, draws = drawn
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:
@@ -137,13 +150,13 @@ def draw_missions(
         return _device_array(np.repeat(array, trials, axis=0))
 
     return Mission(
+        shape=shape or shape_of(scenario),
+        params=jax.tree.map(lambda array: every(np.asarray(array)), params_of(scenario)),
         field=jax.tree.map(each, fields),
         grid=every(grid),
         truth=each(truth),
         inside=every(inside),
         start=each(starts),
-        budgets=every(np.asarray(scenario.budgets)),
-        speeds=every(np.asarray(scenario.speeds)),
         roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
         **{name: every(array) for name, array in samples.items()},
     )

@@ -4,54 +4,56 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from maipp.belief import Matern32, condition_near
-from maipp.engine.decision import Observation
+from maipp.belief import Belief, Matern32, condition_near
+from maipp.belief.prior_samples import Measurements
+from maipp.engine.decision import Knowledge, Observation
 from maipp.engine.mission import Mission
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State, positions
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
-from maipp.typing import Array, Bool, Index
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.typing import Array, Bool, Float, Index, Point, Real
 
 # Measurements ahead that planners look; one and two were worse at 5,000 measurements, in which plan came out best.
 _AHEAD = 4
 
 
-def time_tolerance(scenario: Scenario) -> float:
+def time_tolerance(speeds: Float[Array | np.ndarray, " m"]) -> Float[Array, ""] | float:
     """The distance tolerance as a time: arrivals closer than this are simultaneous."""
-    return DISTANCE_TOLERANCE / max(scenario.speeds)
+    return DISTANCE_TOLERANCE / speeds.max()
 
 
-def window_reach(scenario: Scenario) -> float:
+def window_reach(interval: Real) -> Real:
     """How far around an agent a belief of limited capacity favours no measurement, domain units."""
-    return _AHEAD * scenario.measurement_interval
+    return _AHEAD * interval
 
 
-def due_agent(scenario: Scenario, state: State) -> Index:
+def due_agent(mission: Mission, state: State) -> Index:
     """The agent that arrives first; agents that arrive together decide in the order of their index."""
     arrival = jnp.where(state.active, state.arrival, jnp.inf)
-    return jnp.argmax(arrival <= jnp.min(arrival) + time_tolerance(scenario)).astype(jnp.int32)
+    return jnp.argmax(arrival <= jnp.min(arrival) + time_tolerance(mission.params.speeds)).astype(jnp.int32)
 
 
-def _taken_by_now(scenario: Scenario, state: State) -> Bool[Array, "m s"]:
+def _taken_by_now(mission: Mission, state: State) -> Bool[Array, "m s"]:
     """Measurements that have been taken at `state.time`: none is known before the moment it is taken."""
-    return state.measurement_time <= state.time + time_tolerance(scenario)
+    return state.measurement_time <= state.time + time_tolerance(mission.params.speeds)
 
 
-def hear(scenario: Scenario, mission: Mission, state: State, agent: Index) -> tuple[State, Bool[Array, " m"]]:
+def hear(mission: Mission, state: State, agent: Index) -> tuple[State, Bool[Array, " m"]]:
     """The state after `agent` took over what everyone within range knows now, and whom it heard.
 
     With a limited range an agent takes over all measurements that the heard ones know at this moment: their own and
     those they had taken over at their last decision (docs/protocol.md, "limited communication").
     """
-    everyone = jnp.arange(scenario.agents)
-    if scenario.comm_range is None:
-        within = jnp.ones(scenario.agents, bool)
-    else:
-        where = positions(state, mission.speeds)
+    shape, params = mission.shape, mission.params
+    everyone = jnp.arange(shape.agents)
+    within = params.present
+    if shape.limited:
+        where = positions(state, params.speeds)
         offset = where - pick(where, agent)
-        within = jnp.sum(offset * offset, axis=-1) <= scenario.comm_range**2
-    own = jnp.eye(scenario.agents, dtype=bool)[:, :, None] & _taken_by_now(scenario, state)[None]
+        within &= jnp.sum(offset * offset, axis=-1) <= params.comm_range**2
+    own = jnp.eye(shape.agents, dtype=bool)[:, :, None] & _taken_by_now(mission, state)[None]
     knows = state.known | own  # (m, m, s)
     hearing = within | (everyone == agent)
     learned = jnp.any(knows & hearing[:, None, None], axis=0)
@@ -59,59 +61,93 @@ def hear(scenario: Scenario, mission: Mission, state: State, agent: Index) -> tu
     return dataclasses.replace(state, known=known), within & (everyone != agent)
 
 
-def observe(scenario: Scenario, mission: Mission, state: State, agent: Index, heard: Bool[Array, " m"]) -> Observation:
-    """What `agent` knows at `state.time`. Parts a planner does not read are never computed (dead code in XLA)."""
-    x = state.measurement_x.reshape(-1, 2)
-    y = state.measurement_y.reshape(-1)
-    known = pick(state.known, agent).reshape(-1)
-    extra_noise = None
-    if mission.prior is not None:  # decided while tracing: without a prior nothing is added to the computation
-        x, y, known, extra_noise = mission.prior.after(x, y, known, scenario.noise)
-    interval = scenario.measurement_interval
-    odometer = pick(state.odometer, agent)
-    where = positions(state, mission.speeds)
-    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
-    position = pick(where, agent)
-    belief = condition_near(
-        kernel,
-        x,
-        y,
-        known,
-        mission.grid,
-        scenario.noise,
-        extra_noise,
-        near=position,
-        reach=window_reach(scenario),
-        capacity=scenario.belief_capacity,
-    )
-    budget = pick(mission.budgets, agent)
-    return Observation(
+def knowledge(mission: Mission, state: State, agent: Index, heard: Bool[Array, " m"]) -> Knowledge:
+    """What `agent`, which has heard these, knows at `state.time`."""
+    where = positions(state, mission.params.speeds)
+    slots = jnp.arange(mission.shape.agents * mission.shape.slots)
+    return Knowledge(
         agent=agent,
         time=state.time,
-        position=position,
+        position=pick(where, agent),
         start=pick(mission.start, agent),
-        budget=budget,
-        remaining=budget - odometer,
-        speed=pick(mission.speeds, agent),
-        to_next_measurement=(pick(state.taken, agent) + 1) * interval - odometer,
-        measurement_x=x,
-        measurement_y=y,
-        known=known,
-        belief=belief,
-        inside=mission.inside,
+        budget=pick(mission.params.budgets, agent),
+        odometer=pick(state.odometer, agent),
+        next_measurement=(pick(state.taken, agent) + 1) * mission.params.measurement_interval,
+        speed=pick(mission.params.speeds, agent),
+        measurement_x=state.measurement_x.reshape(-1, 2),
+        measurement_y=state.measurement_y.reshape(-1),
+        measurement_time=state.measurement_time.reshape(-1),
+        measured_by=slots // mission.shape.slots,
+        known=pick(state.known, agent).reshape(-1),
         heard=heard,
         messages=state.messages,
         positions=where,
-        roadmap=jax.tree.map(lambda a: a[agent], mission.roadmap),
     )
 
 
-def turn(scenario: Scenario, mission: Mission, state: State) -> tuple[State, Index, Observation]:
+def with_prior(
+    mission: Mission, x: Float[Array, "s 2"], y: Float[Array, " s"], known: Bool[Array, " s"]
+) -> Measurements:
+    """The known measurements, and after them the samples from before the survey, which everybody knows."""
+    if mission.prior is None:  # decided while tracing: without a prior nothing is added to the computation
+        return Measurements(x, y, known)
+    return mission.prior.after(x, y, known, mission.params.noise)
+
+
+def belief_near(mission: Mission, known: Measurements, query: Float[Array, "q 2"], place: Point) -> Belief:
+    """What these measurements give at `query`; of very many, those that tell most of `place` are in its slots."""
+    params = mission.params
+    return condition_near(
+        Matern32(params.length_scale, params.signal_variance),
+        known.x,
+        known.y,
+        known.mask,
+        query,
+        params.noise,
+        known.extra_noise,
+        near=place,
+        reach=window_reach(params.measurement_interval),
+        capacity=mission.shape.belief_capacity,
+    )
+
+
+def observe(mission: Mission, known: Knowledge) -> Observation:
+    """What an agent observes that knows this. Parts a planner does not read are never computed (dead code in XLA)."""
+    all_known = with_prior(mission, known.measurement_x, known.measurement_y, known.known)
+    times, by = known.measurement_time, known.measured_by
+    if mission.prior is not None:
+        old = mission.prior.y.shape[0]
+        times = jnp.concatenate([times, jnp.full(old, -jnp.inf, times.dtype)])
+        by = jnp.concatenate([by, jnp.full(old, -1, by.dtype)])
+    return Observation(
+        agent=known.agent,
+        time=known.time,
+        position=known.position,
+        start=known.start,
+        budget=known.budget,
+        remaining=known.budget - known.odometer,
+        speed=known.speed,
+        to_next_measurement=known.next_measurement - known.odometer,
+        measurement_x=all_known.x,
+        measurement_y=all_known.y,
+        measurement_time=times,
+        measured_by=by,
+        known=all_known.mask,
+        belief=belief_near(mission, all_known, mission.grid, known.position),
+        inside=mission.inside,
+        heard=known.heard,
+        messages=known.messages,
+        positions=known.positions,
+        roadmap=jax.tree.map(lambda a: a[known.agent], mission.roadmap),
+    )
+
+
+def turn(mission: Mission, state: State) -> tuple[State, Index, Observation]:
     """The first half of an event: the state once the due agent has heard the others, who that is, what it observes."""
-    agent = due_agent(scenario, state)
+    agent = due_agent(mission, state)
     running = jnp.any(state.active)
     now = jnp.where(running, pick(state.arrival, agent), state.time)
     state = dataclasses.replace(state, time=jnp.maximum(state.time, now))
-    heard_state, heard = hear(scenario, mission, state, agent)
+    heard_state, heard = hear(mission, state, agent)
     state = jax.tree.map(lambda new, old: jnp.where(running, new, old), heard_state, state)
-    return state, agent, observe(scenario, mission, state, agent, heard)
+    return state, agent, observe(mission, knowledge(mission, state, agent, heard))

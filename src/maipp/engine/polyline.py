@@ -2,8 +2,7 @@
 
 import jax.numpy as jnp
 
-from maipp.scenario import Scenario
-from maipp.typing import Array, Float
+from maipp.typing import Array, Extent, Float
 
 
 def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float[Array, "... 2"]:
@@ -20,14 +19,13 @@ def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float
 
 
 def cut_leg(
-    scenario: Scenario, position: Float[Array, "2"], waypoints: Float[Array, "w 2"], remaining: Float[Array, ""]
+    extent: Extent, position: Float[Array, "2"], waypoints: Float[Array, "w 2"], remaining: Float[Array, ""]
 ) -> tuple[Float[Array, "v 2"], Float[Array, " w"]]:
     """The leg from `position` through the waypoints, within the domain and cut where `remaining` (domain units) ends.
 
     Also the distance from the position to each waypoint of the leg, the last of which is its length.
     """
-    extent = jnp.asarray(scenario.extent, position.dtype)
-    planned = jnp.concatenate([position[None], jnp.clip(waypoints, 0.0, extent)])
+    planned = jnp.concatenate([position[None], jnp.clip(waypoints, 0.0, jnp.asarray(extent, position.dtype))])
     lengths = jnp.cumsum(jnp.sqrt(jnp.sum((planned[1:] - planned[:-1]) ** 2, axis=-1)))
     reach = jnp.minimum(lengths, remaining)
     return jnp.concatenate([position[None], along(planned, reach)]), reach

@@ -1,8 +1,9 @@
-"""Run any planner on a batch of missions: one compiled loop, sharded over the local devices."""
+"""Run any planner on a batch of missions: one compiled loop of events, sharded over the local devices."""
 
 import math
+from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,17 +14,29 @@ from jax.sharding import Mesh, PartitionSpec
 
 from maipp.devices import missions_devices
 from maipp.engine.advance import advance
-from maipp.engine.decision import Planner
+from maipp.engine.decide import ask
+from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.observe import turn
 from maipp.engine.rows import pick
-from maipp.engine.state import State, reset
+from maipp.engine.state import State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
-from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Int, Key, Keys
+from maipp.typing import Array, Bool, Float, Index, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
 ACCELERATOR_LANES = 4096
+
+# A route that needs more room than this times the usual is not recorded to its end.
+_MOST_ROOM = 4**4
+
+
+class Events(NamedTuple):
+    """The decisions of a batch of missions in their order; b missions, e events."""
+
+    agent: Int[np.ndarray, "b e"]  # that decided
+    counts: Bool[np.ndarray, "b e"]  # False where the mission had ended before
+    time: Float[np.ndarray, "b e"]  # of the decision
+    kept: Any  # (b, e, ...): what was kept of the message that was sent
 
 
 def batch_size(missions: Mission) -> int:
@@ -36,12 +49,55 @@ def lanes_at_most(planner: Planner) -> int:
     return planner.missions_per_core if jax.default_backend() == "cpu" else ACCELERATOR_LANES
 
 
-def step(scenario: Scenario, planner: Planner, mission: Mission, state: State, key: Key) -> State:
-    """One event: the due agent hears, observes, decides, sets off. A finished mission is returned unchanged."""
-    state, agent, observation = turn(scenario, mission, state)
+def due_decision(planner: Planner, mission: Mission, state: State, key: Key) -> tuple[State, Index, Decision]:
+    """What the due agent decides: the state once it has heard the others, who it is, and its decision."""
+    state, agent, observation = turn(mission, state)
     memory = jax.tree.map(lambda a: pick(a, agent), state.memory)
-    decision = planner.decide(jax.random.fold_in(key, state.events), observation, memory)
-    return advance(scenario, planner, mission, state, agent, decision)
+    return state, agent, ask(planner, mission, jax.random.fold_in(key, state.events), observation, memory)
+
+
+def step(planner: Planner, mission: Mission, state: State, key: Key) -> State:
+    """One event: the due agent hears, observes, decides, sets off. A finished mission is returned unchanged."""
+    return advance(planner, mission, *due_decision(planner, mission, state, key))
+
+
+Keep = Callable[[Any], Any]
+
+
+class _Log(NamedTuple):
+    """What events leave behind besides the state; e events."""
+
+    agent: Int[Array, " e"]
+    counts: Bool[Array, " e"]
+    time: Float[Array, " e"]
+    kept: Any
+
+
+def _empty_log(keep: Keep, state: State) -> _Log:
+    """Room for every event that the record of the routes has room for."""
+    agents, vertices = state.route_time.shape
+    events = agents * (vertices - 1) // (state.leg.shape[-2] - 1) + agents
+    kept = jax.eval_shape(lambda messages: keep(jax.tree.map(lambda a: a[0], messages)), state.messages)
+    return _Log(
+        agent=jnp.zeros(events, jnp.int32),
+        counts=jnp.zeros(events, bool),
+        time=jnp.zeros(events, state.time.dtype),
+        kept=jax.tree.map(lambda a: jnp.zeros((events, *a.shape), a.dtype), kept),
+    )
+
+
+def _logged(keep: Keep, planner: Planner, mission: Mission, state: State, key: Key, log: _Log) -> tuple[State, _Log]:
+    """One event, and the log with it."""
+    running, number = state.active.any(), state.events
+    heard, agent, decision = due_decision(planner, mission, state, key)
+    after = advance(planner, mission, heard, agent, decision)
+    kept = keep(jax.tree.map(lambda a: pick(a, agent), after.messages))
+
+    def write(row: Array, value: Array) -> Array:
+        return row.at[jnp.where(running, number, len(row))].set(value, mode="drop")
+
+    new = _Log(agent, running, after.time, kept)
+    return after, jax.tree.map(write, log, new)
 
 
 class _Lanes(NamedTuple):
@@ -49,39 +105,56 @@ class _Lanes(NamedTuple):
 
     number: Int[Array, " l"]  # which of the device's n missions each lane has; n where none is left for it
     new: Bool[Array, " l"]  # lanes whose mission has not begun
-    state: State  # leading axis l
+    state: Any  # State, and the log where there is one; leading axis l
     waiting: Int[Array, ""]  # the first mission that no lane has taken up
-    final: State  # leading axis n
+    final: Any  # leading axis n
 
 
-def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Keys, lanes: int) -> State:
+def _run_lanes(
+    planner: Planner, missions: Mission, begun: State | None, keys: Keys, lanes: int, capacity: int, keep: Keep | None
+) -> tuple[State, _Log | None]:
     """Final states of n missions, `lanes` of them stepped together; a lane whose mission has ended takes the next.
 
-    So no mission waits for the longest of those that it began with; only the last ones do.
+    So no mission waits for the longest of those that it began with; only the last ones do. A mission whose record is
+    full is put away as it stands.
     """
     count = batch_size(missions)
-    begin = partial(reset, scenario, planner)
-    go = jax.vmap(partial(step, scenario, planner))
     # Taking up missions copies the worlds of all lanes: too much for every step of an accelerator's thousands of lanes.
     enough = max(1, lanes // 16)
 
-    def begun(new: Bool[Array, ""], mission: Mission, state: State) -> State:
-        return jax.tree.map(partial(jnp.where, new), begin(mission), state)
+    def begin(mission: Mission, state: State | None) -> tuple[State, _Log | None]:
+        state = reset(planner, mission, capacity) if state is None else state
+        return state, None if keep is None else _empty_log(keep, state)
+
+    def event(mission: Mission, pair: tuple[State, Any], key: Key) -> tuple[State, Any]:
+        state, log = pair
+        if keep is None:
+            return step(planner, mission, state, key), None
+        return _logged(keep, planner, mission, state, key, log)
+
+    go = jax.vmap(event)
+
+    def going(state: State) -> Bool[Array, " l"]:
+        return jnp.any(state.active, axis=-1) & ~jnp.any(state.full, axis=-1)
+
+    def take_up(new: Bool[Array, ""], mission: Mission, first: State | None, pair: tuple[State, Any]) -> Any:
+        return jax.tree.map(partial(jnp.where, new), begin(mission, first), pair)
 
     def travel(lane: _Lanes) -> _Lanes:
         """Begin what is new, and step until missions have ended: enough of them, or all where none waits."""
-        mission, key = jax.tree.map(lambda a: a[jnp.minimum(lane.number, count - 1)], (missions, keys))
-        state = jax.vmap(begun)(lane.new, mission, lane.state)
+        index = jnp.minimum(lane.number, count - 1)
+        mission, first, key = jax.tree.map(lambda a: a[index], (missions, begun, keys))
+        pair = jax.vmap(take_up)(lane.new, mission, first, lane.state)
 
-        def over(state: State) -> Bool[Array, " l"]:
-            return (lane.number < count) & ~jnp.any(state.active, axis=-1)
+        def over(pair: tuple[State, Any]) -> Bool[Array, " l"]:
+            return (lane.number < count) & ~going(pair[0])
 
-        def travelling(state: State) -> Bool[Array, ""]:
-            relief = (lane.waiting < count) & (jnp.sum(over(state)) >= enough)
-            return jnp.any(state.active) & ~relief
+        def travelling(pair: tuple[State, Any]) -> Bool[Array, ""]:
+            relief = (lane.waiting < count) & (jnp.sum(over(pair)) >= enough)
+            return jnp.any(going(pair[0])) & ~relief
 
-        state = lax.while_loop(travelling, lambda state: go(mission, state, key), state)
-        return put_away(lane._replace(state=state), over(state))
+        pair = lax.while_loop(travelling, lambda pair: go(mission, pair, key), pair)
+        return put_away(lane._replace(state=pair), over(pair))
 
     def put_away(lane: _Lanes, over: Bool[Array, " l"]) -> _Lanes:
         """Keep the states of the missions that are over, and give their lanes the next ones."""
@@ -91,53 +164,105 @@ def _run_lanes(scenario: Scenario, planner: Planner, missions: Mission, keys: Ke
         waiting = jnp.minimum(lane.waiting + jnp.sum(over), count)
         return _Lanes(number, over & (number < count), lane.state, waiting, final)
 
-    state = jax.vmap(begin)(jax.tree.map(lambda a: a[:lanes], missions))
-    final = jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), state)
-    lane = _Lanes(jnp.arange(lanes), jnp.zeros(lanes, bool), state, jnp.asarray(lanes), final)
+    pair = jax.vmap(begin)(*jax.tree.map(lambda a: a[:lanes], (missions, begun)))
+    final = jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), pair)
+    lane = _Lanes(jnp.arange(lanes), jnp.zeros(lanes, bool), pair, jnp.asarray(lanes), final)
     return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
 
 
 @eqx.filter_jit
 def _run_sharded(
-    scenario: Scenario, planner: Planner, missions: Mission, key: Key, first: Int[Array, ""], devices: int, lanes: int
-) -> State:
+    planner: Planner,
+    missions: Mission,
+    begun: State | None,
+    keys: Keys,
+    devices: int,
+    lanes: int,
+    capacity: int,
+    keep: Keep | None,
+) -> tuple[State, _Log | None]:
     """Final states; the batch is padded with its last mission to a multiple of the devices."""
     arrays, static = eqx.partition(planner, eqx.is_array)
     count = batch_size(missions)
-    padded = math.ceil(count / devices) * devices
-    index = jnp.minimum(jnp.arange(padded), count - 1)
-    keys = jax.vmap(partial(jax.random.fold_in, key))(first + index)
+    index = jnp.minimum(jnp.arange(math.ceil(count / devices) * devices), count - 1)
 
-    def per_device(arrays: Planner, missions: Mission, keys: Keys) -> State:
-        return _run_lanes(scenario, eqx.combine(arrays, static), missions, keys, lanes)
+    def per_device(arrays: Planner, missions: Mission, begun: State | None, keys: Keys) -> tuple[State, _Log | None]:
+        return _run_lanes(eqx.combine(arrays, static), missions, begun, keys, lanes, capacity, keep)
 
     mesh = Mesh(np.asarray(missions_devices()[:devices]), ("missions",))
     split, whole = PartitionSpec("missions"), PartitionSpec()
-    sharded = jax.shard_map(per_device, mesh=mesh, in_specs=(whole, split, split), out_specs=split, check_vma=False)
-    final = sharded(arrays, jax.tree.map(lambda a: a[index], missions), keys)
+    layout = (whole, split, split, split)
+    sharded = jax.shard_map(per_device, mesh=mesh, in_specs=layout, out_specs=split, check_vma=False)
+    final = sharded(arrays, *jax.tree.map(lambda a: a[index], (missions, begun, keys)))
     return jax.tree.map(lambda a: a[:count], final)
 
 
-def refuse_to_cross(scenario: Scenario, planner: Planner) -> None:
-    """Raise InputError for obstacles that the planner does not avoid."""
-    if scenario.obstacles and not planner.avoids_obstacles:
+def refuse_to_cross(has_zones: bool, planner: Planner) -> None:
+    """Raise InputError for no-go zones that the planner does not avoid."""
+    if has_zones and not planner.avoids_obstacles:
         raise InputError(
-            f"{type(planner).__name__}: this planner would cross the scenario's {len(scenario.obstacles)} obstacles; "
-            "use one that avoids them"
+            f"{type(planner).__name__}: this planner would cross the scenario's no-go zones; use one that avoids them"
         )
 
 
-def run_missions(scenario: Scenario, planner: Planner, missions: Mission, key: Key, *, first: int = 0) -> State:
+def run_missions(planner: Planner, missions: Mission, key: Key, *, first: int = 0) -> State:
     """Final states of a batch of missions (leading axis b on every array).
 
     Mission i draws its randomness from `fold_in(key, first + i)`, so a mission's record does not depend on the batch
     it ran in, up to floating-point rounding of batched matrix products. `first` is the number of the batch's first
-    mission where a longer batch runs in parts. Raises InputError for obstacles that the planner does not avoid.
+    mission where a longer batch runs in parts. Raises InputError for no-go zones that the planner does not avoid.
     """
-    refuse_to_cross(scenario, planner)
+    return _run(planner, missions, key, first, None)[0]
+
+
+def run_recorded(planner: Planner, missions: Mission, key: Key, keep: Keep, *, first: int = 0) -> tuple[State, Events]:
+    """As `run_missions`, and of every decision `keep(message)`; `keep` is a function that JAX can trace."""
+    states, log = _run(planner, missions, key, first, keep)
+    assert log is not None
+    last = int(log.counts.sum(axis=-1).max(initial=0))
+    return states, Events(*jax.tree.map(lambda rows: np.asarray(rows)[:, :last], tuple(log)))
+
+
+def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep | None) -> tuple[State, _Log | None]:
+    """Run, and where a planner's steps are so small that the record of a route is full, go on with more room."""
+    refuse_to_cross(missions.shape.has_zones, planner)
+    planner = planner.on(jax.tree.map(lambda a: a[0], missions.problem))
+    count = batch_size(missions)
+    keys = jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(count))
+    capacity = route_capacity(missions.shape, planner)
+    most = _MOST_ROOM * capacity
+    states, log = _run_some(planner, missions, None, keys, capacity, keep)
+    while capacity < most and (rest := np.flatnonzero(np.asarray(states.full).any(axis=-1))).size:
+        capacity *= 4
+        some, more = jax.tree.map(lambda a: a[rest], (missions, keys))
+        begun = None if keep is not None else with_capacity(jax.tree.map(lambda a: a[rest], states), capacity)
+        longer = _run_some(planner, some, begun, more, capacity, keep)
+        states, log = _put_back(states, log, rest, *longer)
+    stopped = states.active & ~states.full.any(axis=-1, keepdims=True)
+    return eqx.tree_at(lambda state: state.active, states, stopped), log
+
+
+def _run_some(
+    planner: Planner, missions: Mission, begun: State | None, keys: Keys, capacity: int, keep: Keep | None
+) -> tuple[State, _Log | None]:
+    """The missions from where they are, on all devices."""
     count = batch_size(missions)
     devices = min(len(missions_devices()), count)
     # No more lanes than it takes: where all missions are equally long, a last round with empty lanes costs as much.
     each = math.ceil(count / devices)
     lanes = math.ceil(each / math.ceil(each / lanes_at_most(planner)))
-    return _run_sharded(scenario, planner, missions, key, jnp.asarray(first), devices, lanes)
+    return _run_sharded(planner, missions, begun, keys, devices, lanes, capacity, keep)
+
+
+def _put_back(
+    states: State, log: _Log | None, rest: np.ndarray, longer: State, more: _Log | None
+) -> tuple[State, _Log | None]:
+    """Both results as one, those that needed more room in their places."""
+
+    def put(all: Array, some: Array) -> Array:
+        if all.shape[1:] != some.shape[1:]:  # the axis that has grown
+            room = [(0, new - old) for old, new in zip(all.shape[1:], some.shape[1:], strict=True)]
+            all = jnp.pad(all, [(0, 0), *room], mode="edge")
+        return all.at[rest].set(some)
+
+    return jax.tree.map(put, (states, log), (longer, more))

@@ -9,7 +9,7 @@ from jax import lax
 from maipp.belief import Belief, Interest, Matern32, condition, rmse, trace
 from maipp.engine.mission import Mission
 from maipp.engine.state import State
-from maipp.scenario import Scenario
+from maipp.problem import ScenarioLike
 from maipp.typing import Array, Bool, Float
 
 
@@ -24,19 +24,19 @@ class Metrics(eqx.Module):
     decisions: Float[Array, "*b"]  # taken by the team
 
 
-def belief_of(scenario: Scenario, mission: Mission, state: State, mask: Bool[Array, "m s"]) -> Belief:
+def belief_of(mission: Mission, state: State, mask: Bool[Array, "m s"]) -> Belief:
     """The belief on the evaluation grid that the masked measurements give, and the prior samples after them."""
     x, y, known = state.measurement_x.reshape(-1, 2), state.measurement_y.reshape(-1), mask.reshape(-1)
     extra_noise = None
     if mission.prior is not None:
-        x, y, known, extra_noise = mission.prior.after(x, y, known, scenario.noise)
-    return condition(kernel_of(scenario), x, y, known, mission.grid, scenario.noise, extra_noise)
+        x, y, known, extra_noise = mission.prior.after(x, y, known, mission.params.noise)
+    return condition(kernel_of(mission.problem), x, y, known, mission.grid, mission.params.noise, extra_noise)
 
 
 Moments = Callable[[Bool[Array, "m s"]], tuple[Float[Array, " q"], Float[Array, " q"]]]
 
 
-def moments_of(scenario: Scenario, mission: Mission, state: State) -> Moments:
+def moments_of(mission: Mission, state: State) -> Moments:
     """Mean and variance on the evaluation grid as a function of which measurements are known.
 
     Those of `belief_of`; of many masks, each is as cheap with prior samples as without, as these are factored once.
@@ -44,13 +44,13 @@ def moments_of(scenario: Scenario, mission: Mission, state: State) -> Moments:
     if mission.prior is None:
 
         def given(mask: Bool[Array, "m s"]) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
-            belief = belief_of(scenario, mission, state, mask)
+            belief = belief_of(mission, state, mask)
             return belief.mean, belief.variance
 
         return given
     x, y = state.measurement_x.reshape(-1, 2), state.measurement_y.reshape(-1)
-    process = mission.prior.process(kernel_of(scenario), x, mission.grid, scenario.noise)
-    return lambda mask: process.given(y, mask.reshape(-1), scenario.noise)
+    process = mission.prior.process(kernel_of(mission.problem), x, mission.grid, mission.params.noise)
+    return lambda mask: process.given(y, mask.reshape(-1), mission.params.noise)
 
 
 def taken_by(state: State, time: float | Float[Array, ""] = jnp.inf) -> Bool[Array, "m s"]:
@@ -58,37 +58,36 @@ def taken_by(state: State, time: float | Float[Array, ""] = jnp.inf) -> Bool[Arr
     return jnp.isfinite(state.measurement_time) & (state.measurement_time <= time)
 
 
-def pooled_belief(
-    scenario: Scenario, mission: Mission, state: State, time: float | Float[Array, ""] = jnp.inf
-) -> Belief:
+def pooled_belief(mission: Mission, state: State, time: float | Float[Array, ""] = jnp.inf) -> Belief:
     """The belief from all measurements that the team has taken by `time` (default: all of them)."""
-    return belief_of(scenario, mission, state, taken_by(state, time))
+    return belief_of(mission, state, taken_by(state, time))
 
 
-def kernel_of(scenario: Scenario) -> Matern32:
+def kernel_of(scenario: ScenarioLike) -> Matern32:
     """The scenario's prior covariance."""
     return Matern32(scenario.length_scale, scenario.signal_variance)
 
 
-def interest_of(scenario: Scenario) -> Interest:
+def interest_of(scenario: ScenarioLike) -> Interest:
     """The scenario's high-interest rule."""
     return Interest(scenario.threshold, scenario.beta, scenario.interest_rule)
 
 
-def _score(scenario: Scenario, mission: Mission, state: State) -> Metrics:
+def _score(mission: Mission, state: State) -> Metrics:
     """Metrics of one unbatched mission."""
-    interest = interest_of(scenario)
-    moments = moments_of(scenario, mission, state)
+    interest = interest_of(mission.problem)
+    moments = moments_of(mission, state)
     mean, variance = moments(taken_by(state))
     final = interest.trace(mean, variance, mission.inside)
+    there = mission.params.present
 
     def own(known: Bool[Array, "m s"]) -> Float[Array, ""]:
         return interest.trace(*moments(known), mission.inside)
 
     return Metrics(
         trace=final,
-        own_trace=jnp.mean(lax.map(own, state.known)),
-        true_trace=trace(variance, (mission.truth >= scenario.threshold) & mission.inside),
+        own_trace=jnp.sum(jnp.where(there, lax.map(own, state.known), 0.0)) / jnp.sum(there),
+        true_trace=trace(variance, (mission.truth >= mission.params.threshold) & mission.inside),
         rmse=rmse(mean, mission.truth, mission.inside),
         distance=jnp.sum(state.odometer),
         decisions=state.events.astype(final.dtype),
@@ -96,17 +95,15 @@ def _score(scenario: Scenario, mission: Mission, state: State) -> Metrics:
 
 
 @eqx.filter_jit
-def score_missions(scenario: Scenario, missions: Mission, states: State) -> Metrics:
+def score_missions(missions: Mission, states: State) -> Metrics:
     """Metrics of a batch of finished missions, one after the other to keep the memory of one."""
-    return lax.map(lambda pair: _score(scenario, *pair), (missions, states))
+    return lax.map(lambda pair: _score(*pair), (missions, states))
 
 
 @eqx.filter_jit
-def trace_over_time(
-    scenario: Scenario, mission: Mission, state: State, times: Float[Array, " t"]
-) -> Float[Array, " t"]:
+def trace_over_time(mission: Mission, state: State, times: Float[Array, " t"]) -> Float[Array, " t"]:
     """Tr(P) of the pooled belief of one mission at each time."""
-    interest, moments = interest_of(scenario), moments_of(scenario, mission, state)
+    interest, moments = interest_of(mission.problem), moments_of(mission, state)
 
     def at(time: Float[Array, ""]) -> Float[Array, ""]:
         return interest.trace(*moments(taken_by(state, time)), mission.inside)

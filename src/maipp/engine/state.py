@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from maipp.engine.decision import Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
-from maipp.scenario import Scenario
+from maipp.problem import Shape
 from maipp.typing import Array, Bool, Float, Int
 
 
@@ -33,22 +33,24 @@ class State(eqx.Module):
     route: Float[Array, "m e 2"]  # vertices visited, starting with the start
     route_time: Float[Array, "m e"]  # when; inf beyond route_length
     route_length: Int[Array, " m"]  # vertices recorded
+    full: Bool[Array, " m"]  # the record has no room for what the agent decided: it waits for more
 
 
-def route_capacity(scenario: Scenario, planner: Planner) -> int:
+def route_capacity(shape: Shape, planner: Planner) -> int:
     """Vertices recorded per agent. Eight decisions per measurement is four times what a roadmap planner usually takes.
 
-    An agent whose record is full is stopped, so the capacity also bounds the number of events. At four, one agent in
-    some 40 missions of ten ran into it: it had gone to and fro between two nodes close together.
+    A mission that needs more is run on with more. At four, one agent in some 40 missions of ten ran into it: it had
+    gone to and fro between two nodes close together.
     """
-    return (8 * scenario.measurements_per_agent + 16) * planner.waypoints_per_decision + 1
+    return (8 * shape.slots + 16) * planner.waypoints_per_decision + 1
 
 
-def reset(scenario: Scenario, planner: Planner, mission: Mission) -> State:
+def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> State:
     """State of an unbatched mission before the first decision: everybody is due at time 0."""
-    m, s = scenario.agents, scenario.measurements_per_agent
+    m, s = mission.shape.agents, mission.shape.slots
     real = mission.start.dtype
-    capacity = route_capacity(scenario, planner)
+    capacity = capacity or route_capacity(mission.shape, planner)
+    planner = planner.on(mission.problem)
 
     def per_agent(tree: Any) -> Any:
         return jax.tree.map(lambda a: jnp.broadcast_to(a, (m, *jnp.shape(a))), tree)
@@ -57,7 +59,7 @@ def reset(scenario: Scenario, planner: Planner, mission: Mission) -> State:
     return State(
         time=jnp.zeros((), real),
         events=jnp.zeros((), jnp.int32),
-        active=jnp.ones(m, bool),
+        active=mission.params.present,
         leg=jnp.broadcast_to(mission.start[:, None], (m, vertices, 2)),
         departure=jnp.zeros(m, real),
         arrival=jnp.zeros(m, real),
@@ -72,7 +74,16 @@ def reset(scenario: Scenario, planner: Planner, mission: Mission) -> State:
         route=jnp.zeros((m, capacity, 2), real).at[:, 0].set(mission.start),
         route_time=jnp.full((m, capacity), jnp.inf, real).at[:, 0].set(0.0),
         route_length=jnp.ones(m, jnp.int32),
+        full=jnp.zeros(m, bool),
     )
+
+
+def with_capacity(state: State, capacity: int) -> State:
+    """The state with room for that many vertices per agent, and nobody waiting for room; leading axes are kept."""
+    room = [(0, 0)] * (state.route_time.ndim - 1) + [(0, capacity - state.route_time.shape[-1])]
+    route = jnp.pad(state.route, [*room, (0, 0)])
+    times = jnp.pad(state.route_time, room, constant_values=jnp.inf)
+    return eqx.tree_at(lambda s: (s.route, s.route_time, s.full), state, (route, times, jnp.zeros_like(state.full)))
 
 
 def positions(state: State, speeds: Float[Array, " m"]) -> Float[Array, "m 2"]:

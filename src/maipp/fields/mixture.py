@@ -4,10 +4,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.typing import Array, Bool, Float, Key
+from maipp.typing import Array, Bool, Extent, Float, Key
 
 
-def evaluation_grid(points_per_side: int = 30, extent: tuple[float, float] = (1.0, 1.0)) -> Float[Array, "q 2"]:
+def evaluation_grid(points_per_side: int = 30, extent: Extent = (1.0, 1.0)) -> Float[Array, "q 2"]:
     """The evaluation grid, both ends included, x slowest: row `ix * points_per_side + iy` (domain units)."""
     x, y = (jnp.linspace(0.0, side, points_per_side) for side in extent)
     return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -50,8 +50,8 @@ def sample_mixture(
     key: Key,
     *,
     components: tuple[int, int] = (8, 12),
-    variance: tuple[float, float] = (5e-5, 2e-4),
-    extent: tuple[float, float] = (1.0, 1.0),
+    variance: tuple[float, float] | Float[Array, "2"] = (5e-5, 2e-4),
+    extent: Extent = (1.0, 1.0),
     grid: Float[Array, "q 2"],
 ) -> GaussianMixture:
     """A random mixture: a uniform number of bumps, uniform centres, `s = sqrt(U(variance))` (docs/protocol.md)."""

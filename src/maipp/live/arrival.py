@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from maipp.live.decide import Situation, decide
+from maipp.engine.decide import Departure, decide
+from maipp.engine.decision import Knowledge
 from maipp.live.detour import keep_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
@@ -35,25 +36,52 @@ class Arrival:
         return self.robot.to_next_measurement(self.time, self.odometer, interval)
 
     @property
-    def situation(self) -> Situation:
-        """What the compiled decision takes; all arrays of fixed types, so that it is compiled once."""
+    def knowledge(self) -> Knowledge:
+        """What the engine takes; all arrays of fixed types, so that a decision is compiled once."""
         real = self.slots.x.dtype
         agent = self.robots.index(self.robot)
         positions = np.stack([other.where(self.time) for other in self.robots])
         positions[agent] = self.position
         values = {
             "agent": np.array(agent, np.int32),
-            "arrival": np.array(self.robot.arrivals, np.int32),
             "time": np.array(self.time, real),
+            "position": self.position.astype(real),
+            "start": np.asarray(self.world.mission.start)[agent],
             "budget": np.array(self.robot.budget, real),
-            "remaining": np.array(self.robot.budget - self.odometer, real),
-            "to_next_measurement": np.array(self.to_next_measurement, real),
+            "odometer": np.array(self.odometer, real),
+            "next_measurement": self.next_measurement,
+            "speed": np.array(self.robot.speed, real),
+            "measurement_x": self.slots.x,
+            "measurement_y": self.slots.y,
+            "measurement_time": self.slots.time,
+            "measured_by": self.slots.by,
+            "known": self.slots.mask,
             "heard": np.array([other.status != GONE and other is not self.robot for other in self.robots]),
             "positions": positions.astype(real),
             "messages": stacked([other.message for other in self.robots]),
-            "memory": self.robot.memory,
         }
-        return Situation(**jax.device_put(values | self.slots._asdict()))
+        return Knowledge(**jax.device_put(values))
+
+    @property
+    def next_measurement(self) -> np.ndarray:
+        """Odometer at which the robot measures next, domain units: a multiple of the interval where it keeps to it.
+
+        Counted as the batch engine counts, in its precision, so that both decide from the same number.
+        """
+        real = self.slots.x.dtype.type
+        place = self.odometer + self.to_next_measurement
+        interval = self.world.scenario.measurement_interval
+        count = round(place / interval)
+        return np.array(
+            real(count) * real(interval) if abs(place - count * interval) < DISTANCE_TOLERANCE else place, real
+        )
+
+    def decided(self) -> Departure:
+        """The engine's answer, on the host."""
+        world, agent = self.world, self.robots.index(self.robot)
+        key = jax.random.fold_in(jax.random.fold_in(world.key, agent), self.robot.arrivals)
+        memory = jax.device_put(self.robot.memory)
+        return jax.device_get(decide(world.compiled, world.mission, key, self.knowledge, memory))
 
 
 class Made(NamedTuple):
@@ -73,10 +101,10 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     robot, here = arrival.robot, arrival.position[None]
     if robot.budget - arrival.odometer <= DISTANCE_TOLERANCE:
         return Made("budget", here, here[:0], robot.planned, arrival.time, nothing[0], robot.memory)
-    outcome = jax.device_get(decide(arrival.world, arrival.situation))
+    outcome = arrival.decided()
     if not outcome.go or not np.isfinite(outcome.leg).all():
         return Made("planner", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
-    scenario, roadmap = arrival.world.scenario, arrival.world.roadmap
+    scenario, roadmap = arrival.world.scenario, arrival.world.mission.roadmap
     nodes = None if roadmap is None else np.asarray(roadmap.nodes, np.float64)[arrival.robots.index(robot)]
     planned_leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
     leg = keep_out(scenario, planned_leg, nodes)

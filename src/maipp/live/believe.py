@@ -2,12 +2,11 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from maipp.belief import condition_near
-from maipp.engine.observe import window_reach
-from maipp.live.measurements import Slots, slots_for
+from maipp.engine import Mission
+from maipp.engine.observe import belief_near, with_prior
+from maipp.live.measurements import Slots
 from maipp.live.world import World
 from maipp.typing import Array, Bool, Float
 
@@ -17,21 +16,13 @@ _FEWEST = 64
 
 @eqx.filter_jit
 def _moments(
-    world: World, x: Float[Array, "n 2"], y: Float[Array, " n"], mask: Bool[Array, " n"], points: Float[Array, "p 2"]
+    mission: Mission,
+    x: Float[Array, "n 2"],
+    y: Float[Array, " n"],
+    mask: Bool[Array, " n"],
+    points: Float[Array, "p 2"],
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    scenario = world.scenario
-    belief = condition_near(
-        world.kernel,
-        x,
-        y,
-        mask,
-        points,
-        scenario.noise,
-        world.extra_noise(len(y)),
-        near=jnp.asarray(scenario.extent, x.dtype) / 2,
-        reach=window_reach(scenario),
-        capacity=scenario.belief_capacity,
-    )
+    belief = belief_near(mission, with_prior(mission, x, y, mask), points, mission.params.extent / 2)
     return belief.mean, belief.std
 
 
@@ -40,7 +31,7 @@ def believe(
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean and standard deviation at domain positions, standardised values: a function of the measurements alone."""
     count = len(points)
-    filled = np.minimum(np.arange(slots_for(count, _FEWEST)), count - 1)
-    x, y, mask, asked = jax.device_put((*slots, points.astype(slots.x.dtype)[filled]))
-    mean, std = jax.device_get(_moments(world, x, y, mask, asked))
+    filled = np.minimum(np.arange(1 << max(count - 1, _FEWEST - 1).bit_length()), count - 1)
+    x, y, mask, asked = jax.device_put((slots.x, slots.y, slots.mask, points.astype(slots.x.dtype)[filled]))
+    mean, std = jax.device_get(_moments(world.mission, x, y, mask, asked))
     return mean[:count], std[:count]

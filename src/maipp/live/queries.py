@@ -17,7 +17,7 @@ from maipp.live.world import Setup, World
 def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> dict[str, Any]:
     """Protocol, planner, robots and units."""
     units = setup.units
-    starts = units.points_out(np.asarray(world.start))
+    starts = units.points_out(np.asarray(world.mission.start))
     return {
         "answer": "hello",
         "protocol": PROTOCOL,
@@ -65,8 +65,8 @@ def belief(
     units = setup.units
     answer: dict[str, Any] = {"answer": "belief", "measurements": len(measurements)}
     if points is None:
-        where = np.asarray(world.grid, np.float64)
-        answer |= {"points": units.points_out(where), "inside": world.inside.tolist()}
+        where = np.asarray(world.mission.grid, np.float64)
+        answer |= {"points": units.points_out(where), "inside": world.mission.inside.tolist()}
     else:
         where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
     mean, std = believe(world, measurements.slots(), where)

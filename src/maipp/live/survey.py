@@ -12,7 +12,6 @@ from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, decide_arrival
-from maipp.live.decide import decide
 from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement, fingerprint, read_event, write_event
 from maipp.live.journal import Journal
 from maipp.live.measurements import Measurements, Sample
@@ -48,16 +47,16 @@ class LiveSurvey:
         """
         self.world, self.setup = world, setup
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
-        self._measurements = Measurements(setup.prior_x, setup.prior_y, setup.room, real)
+        self._measurements = Measurements(len(setup.robots), setup.room, real)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         planner: Planner = world.planner
+        numbers = world.mission.params
         self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
-        starts, speeds = np.asarray(world.start, np.float64), np.asarray(world.speeds, np.float64)
+        starts = np.asarray(world.mission.start, np.float64)
+        speeds, budgets = (np.asarray(a, np.float64).tolist() for a in (numbers.speeds, numbers.budgets))
         self._robots = [
             Robot(name, speed, budget, *self._nothing, leg=np.array([start]))
-            for name, start, speed, budget in zip(
-                setup.robots, starts.tolist(), speeds.tolist(), world.scenario.budgets, strict=True
-            )
+            for name, start, speed, budget in zip(setup.robots, starts.tolist(), speeds, budgets, strict=True)
         ]
         self._journal = None if journal is None else Journal(journal)
         try:
@@ -90,8 +89,8 @@ class LiveSurvey:
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
         names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
-        setup = make_setup(built, planner, options, seed, names, Units(scenario.extent, epoch=epoch), prior)
-        return cls(draw_world(built, seed, len(setup.prior_y), prior_noise), setup, journal)
+        setup = make_setup(scenario, planner, options, seed, names, Units(scenario.extent, epoch=epoch))
+        return cls(draw_world(built, scenario, seed, prior, prior_noise), setup, journal)
 
     @classmethod
     def from_prepared(
@@ -110,8 +109,9 @@ class LiveSurvey:
         units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
-        setup = make_setup(built, name, options, seed, prepared.names, units, prepared.prior)
-        return cls(draw_world(built, seed, len(setup.prior_y), prepared.prior_noise), setup, journal)
+        scenario = prepared.scenario
+        setup = make_setup(scenario, name, options, seed, prepared.names, units)
+        return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.
 
@@ -159,7 +159,7 @@ class LiveSurvey:
     def warm_up(self) -> None:
         """Compile all that answers need, so that none has to wait for it."""
         robot = self._robots[0]
-        jax.block_until_ready(decide(self.world, self._arrival(robot, robot.position, 0.0, 0.0).situation))
+        self._arrival(robot, robot.position, 0.0, 0.0).decided()
         self.belief()
 
     @property

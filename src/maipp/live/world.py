@@ -3,74 +3,51 @@
 import dataclasses
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from maipp.belief import Matern32
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.units import Units
-from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Key
+from maipp.typing import Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
 _RESERVE = 1.25
 
 
-class World(eqx.Module):
-    """What a compiled decision reads besides the situation; arrays on the device."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class World:
+    """What decisions are made of, besides what is known when a robot arrives; arrays on the device."""
 
-    scenario: Scenario = eqx.field(static=True)
-    planner: Planner
-    grid: Float[Array, "q 2"]  # evaluation grid, domain units
-    inside: Bool[Array, " q"]  # grid points of the survey area
-    start: Float[Array, "m 2"]  # domain units
-    speeds: Float[Array, " m"]  # domain units per second
-    roadmap: Roadmap | None  # arrays (m, n, ...)
+    scenario: Scenario
+    planner: Planner  # as it was made
+    mission: Mission  # unbatched; its ground truth is nobody's, and never read
     key: Key
-    # Of the prior samples, which fill the first slots: how many, and their noise variance (None: the scenario's)
-    prior_count: int = eqx.field(static=True, default=0)
-    prior_noise: float | None = eqx.field(static=True, default=None)
 
-    def extra_noise(self, slots: int) -> Float[Array, " s"] | None:
-        """Noise variance of each slot beyond the scenario's; None where all have that one."""
-        if self.prior_noise is None or not self.prior_count:
-            return None
-        return jnp.where(jnp.arange(slots) < self.prior_count, self.prior_noise - self.scenario.noise, 0.0)
-
-    @property
-    def kernel(self) -> Matern32:
-        """The prior covariance."""
-        return self.planner.kernel
+    @cached_property
+    def compiled(self) -> Planner:
+        """The planner as compiled code takes it."""
+        return self.planner.on(self.mission.problem)
 
 
-def draw_world(planner: Planner, seed: int, prior_count: int = 0, prior_noise: float | None = None) -> World:
+Prior = tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]
+
+
+def draw_world(
+    planner: Planner, scenario: Scenario, seed: int, prior: Prior | None = None, prior_noise: float | None = None
+) -> World:
     """The world that the seed draws: starts where the scenario gives none, roadmaps, and the key of what is random."""
-    drawn = draw_missions(
-        planner.scenario,
-        seed=seed,
-        instances=1,
-        planner=planner,
-    )
-    mission: Mission = jax.tree.map(lambda a: a[0], drawn)
-    return World(
-        scenario=planner.scenario,
-        planner=planner,
-        grid=mission.grid,
-        inside=mission.inside,
-        start=mission.start,
-        speeds=mission.speeds,
-        roadmap=mission.roadmap,
-        key=jax.random.key(seed),
-        prior_count=prior_count,
-        prior_noise=prior_noise,
-    )
+    if prior is None or not len(prior[1]):
+        prior, prior_noise = None, None
+    drawn = draw_missions(scenario, seed=seed, instances=1, planner=planner, prior=prior, prior_noise=prior_noise)
+    return World(scenario, planner, jax.tree.map(lambda a: a[0], drawn), jax.random.key(seed))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,10 +58,8 @@ class Setup:
     options: dict[str, Any]
     seed: int
     robots: tuple[str, ...]
-    room: int  # measurements there is room for at first
+    room: int  # measurements of each robot that there is room for at first
     units: Units
-    prior_x: Float[np.ndarray, "p 2"]  # domain units
-    prior_y: Float[np.ndarray, " p"]  # standardised
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -96,29 +71,27 @@ class Setup:
             self.room,
             dataclasses.asdict(self.units),
             world.scenario.to_dict(),
-            world.prior_noise,
         ]
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
-        drawn = (world.planner, world.grid, world.inside, world.start, world.speeds, world.roadmap)
+        mission = world.mission
+        drawn = (world.planner, mission.grid, mission.inside, mission.start, mission.roadmap, mission.prior)
         leaves = jax.tree.leaves(eqx.filter(drawn, eqx.is_array))
-        for array in (self.prior_x, self.prior_y, *map(np.asarray, leaves)):
+        for array in map(np.asarray, leaves):
             digest.update(f"{array.shape} {array.dtype}".encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
 
 def make_setup(
-    planner: Planner,
+    scenario: Scenario,
     name: str,
     options: Mapping[str, object] | None,
     seed: int,
     robots: Sequence[str],
     units: Units,
-    prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None,
 ) -> Setup:
     """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
-    if len(set(robots)) != len(robots) or len(robots) != planner.scenario.agents:
-        raise InputError(f"robots: {len(set(robots))} different names; give {planner.scenario.agents}, one per agent")
-    prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
-    room = int(_RESERVE * planner.scenario.measurements) + len(prior_y)
-    return Setup(name, dict(options or {}), seed, tuple(robots), room, units, prior_x, prior_y)
+    if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
+        raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
+    room = math.ceil(_RESERVE * scenario.measurements_per_agent)
+    return Setup(name, dict(options or {}), seed, tuple(robots), room, units)

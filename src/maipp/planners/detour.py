@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from maipp.planners.free_run import free_share, is_free
 from maipp.roadmap.zones import Zones
-from maipp.typing import Array, Float, Index, Int, Point
+from maipp.typing import Array, Extent, Float, Index, Int, Point
 
 # Waypoints of a way that are looked up: turns, and its end if it comes this early. Whoever travels looks again.
 TURNS = 5
@@ -59,7 +59,7 @@ def to_any(zones: Zones, end: Point) -> Float[Array, "v 1"]:
     return jnp.min(zones.ways + sight(zones, end), axis=-1, initial=jnp.inf)[:, None]
 
 
-def long_run(zones: Zones, here: Point, step: Float[Array, ""], extent: tuple[float, float]) -> Point:
+def long_run(zones: Zones, here: Point, step: Float[Array, ""], extent: Extent) -> Point:
     """The end of the longest straight leg from `here`, of those up to `step` long (domain units)."""
     angle = 2.0 * jnp.pi / _DIRECTIONS * jnp.arange(_DIRECTIONS)
     ends = here + step * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)

@@ -1,12 +1,13 @@
 """The edges that the due agent may take, and the way out of dead ends among no-go zones."""
 
 import jax.numpy as jnp
+from jax import lax
 
 from maipp.engine.decision import Observation
 from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import Edges, current_node, edges, roadmap_of
 from maipp.planners.roadmap_ways import lengths_from, lengths_to
-from maipp.scenario import Scenario
+from maipp.problem import ScenarioLike
 from maipp.typing import Array, Bool
 
 # All in measurement intervals. Nodes nearer than the first are passed over where there are others.
@@ -17,7 +18,7 @@ _MANY, _LAST, _AROUND = 3, 8, 0.95
 _UNMEASURED = 1.25
 
 
-def edges_here(scenario: Scenario, observation: Observation, meeting: Rendezvous | None = None) -> Edges:
+def edges_here(scenario: ScenarioLike, observation: Observation, meeting: Rendezvous | None = None) -> Edges:
     """The edges the due agent may take; see `edges`.
 
     Among no-go zones, an agent that stays around a place has but one: the first of the shortest way to the
@@ -28,10 +29,10 @@ def edges_here(scenario: Scenario, observation: Observation, meeting: Rendezvous
     roadmap = roadmap_of(observation)
     node = current_node(roadmap, observation.position)
     here = edges(roadmap, node, observation.remaining, scenario.last_leg, meeting)
-    return here._replace(allowed=_leading_on(scenario, observation, here)) if scenario.obstacles else here
+    return here._replace(allowed=_leading_on(scenario, observation, here)) if scenario.has_zones else here
 
 
-def _leading_on(scenario: Scenario, observation: Observation, here: Edges) -> Bool[Array, " k"]:
+def _leading_on(scenario: ScenarioLike, observation: Observation, here: Edges) -> Bool[Array, " k"]:
     """Of the allowed edges, those that lead on."""
     roadmap, interval = roadmap_of(observation), scenario.measurement_interval
     # To and fro between two nodes that all but coincide would fill the agent's record before it gets anywhere.
@@ -39,11 +40,11 @@ def _leading_on(scenario: Scenario, observation: Observation, here: Edges) -> Bo
     allowed = jnp.where(apart.any(), apart, here.allowed)
 
     x, known = observation.measurement_x, observation.known
-    slots = jnp.arange(known.shape[0])
-    mine = known & (slots // scenario.measurements_per_agent == observation.agent)
-    last = jnp.max(jnp.where(mine, slots, 0))
-    near = jnp.sum((x - x[last]) ** 2, axis=-1) < (_AROUND * interval) ** 2
-    stays = jnp.sum(mine & near & (slots > last - _LAST)) >= _MANY
+    mine = known & (observation.measured_by == observation.agent)
+    times = jnp.where(mine, observation.measurement_time, -jnp.inf)
+    latest, index = lax.top_k(times, min(_LAST, len(times)))
+    near = jnp.sum((x[index] - x[index[0]]) ** 2, axis=-1) < (_AROUND * interval) ** 2
+    stays = jnp.sum(near & jnp.isfinite(latest)) >= _MANY
 
     nodes = jnp.asarray(roadmap.nodes)
     squares = jnp.sum((nodes[:, None] - x) ** 2, axis=-1)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from maipp.planners.headings import within_leg
 from maipp.planners.transit import first_part
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Bool, Float
+from maipp.typing import Array, Bool, Float, Real
 
 
 class FirstLeg(NamedTuple):
@@ -19,7 +19,7 @@ class FirstLeg(NamedTuple):
 
 
 def depart(
-    position: Float[Array, "2"], leg: FirstLeg, steps: Float[Array, " h"], share: Float[Array, ""] | float
+    position: Float[Array, "2"], leg: FirstLeg, steps: Float[Array, " h"], share: Real
 ) -> tuple[Float[Array, "2 2"], Float[Array, "h 2"]]:
     """The way of the first leg, at most `share` (domain units) of it, and what is left of the plan at its end.
 

@@ -4,14 +4,14 @@ import jax.numpy as jnp
 
 from maipp.planners.free_run import cut, is_free
 from maipp.roadmap.zones import Zones
-from maipp.typing import Array, Float
+from maipp.typing import Array, Extent, Float
 
 # Places on the ellipse of a bent leg that are tried where there are no-go zones; a multiple of 4.
 _BENDS = 16
 
 
 def walk(
-    start: Float[Array, "*#c 2"], headings: Float[Array, "*c h"], steps: Float[Array, " h"], extent: tuple[float, float]
+    start: Float[Array, "*#c 2"], headings: Float[Array, "*c h"], steps: Float[Array, " h"], extent: Extent
 ) -> Float[Array, "*c h 2"]:
     """Ends of the legs of lengths `steps` (domain units) along `headings` (radians).
 
@@ -30,7 +30,7 @@ def walk(
     return jnp.stack(points, axis=-2)
 
 
-def _leg(x: Array, y: Array, dx: Array, dy: Array, step: Array, extent: tuple[float, float]) -> tuple[Array, Array]:
+def _leg(x: Array, y: Array, dx: Array, dy: Array, step: Array, extent: Extent) -> tuple[Array, Array]:
     """End of one leg, turned where it would leave the domain."""
     width, height = extent
     # Compared with the border and not with the clipped end: compiled, the same sum may round differently in two places,
@@ -47,7 +47,7 @@ def _leg(x: Array, y: Array, dx: Array, dy: Array, step: Array, extent: tuple[fl
     return jnp.where(turned_y, jnp.clip(x + across, 0.0, width), inside_x), inside_y
 
 
-def _beyond(place: Array, size: float) -> Array:
+def _beyond(place: Array, size: Array | float) -> Array:
     return (place < 0.0) | (place > size)
 
 
@@ -60,7 +60,7 @@ def walk_bent(
     start: Float[Array, "2"],
     displacements: Float[Array, "*c h 2"],
     steps: Float[Array, " h"],
-    extent: tuple[float, float],
+    extent: Extent,
     zones: Zones | None = None,
 ) -> Float[Array, "*c h 2"]:
     """Ends of legs that may bend, so that a leg of length `steps` (domain units) ends at most that far away.
@@ -91,7 +91,7 @@ def bend(
     start: Float[Array, "2"],
     end: Float[Array, "2"],
     length: Float[Array, ""],
-    extent: tuple[float, float],
+    extent: Extent,
     zones: Zones | None = None,
 ) -> Float[Array, "2"]:
     """Where a leg bends that takes `length` (domain units) from `start` to an `end` at most that far away.

@@ -17,6 +17,7 @@ from maipp.planners.policy_paths import Paths, Situation
 from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory
+from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.team.intent import is_told
 from maipp.typing import Array, Bool, Float, Index, Int, Key
@@ -148,7 +149,7 @@ class IntentPlanner(PolicyPlanner):
             taken = taken & (jnp.arange(self.paths) == best)[:, None]
         fit = trajectory_intent if self.intent == "trajectory" else destination_intent
         # The floor is that of a unit square; it grows with the survey area.
-        return fit(nodes[paths.nodes], taken, COVARIANCE_FLOOR * max(self.scenario.extent) ** 2)
+        return fit(nodes[paths.nodes], taken, COVARIANCE_FLOOR * longest_side(self.scenario.extent) ** 2)
 
 
 def _latest(heard: Bool[Array, " m"], new: Intent, old: Intent) -> Intent:

@@ -18,6 +18,7 @@ from maipp.planners.policy_planner import PolicyPlanner
 from maipp.planners.receding_horizon import LegMemory, first_memory
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory
+from maipp.problem import longest_side
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.team import COVARIANCE_FLOOR, Intent, fit_intent, fuse_intents
 from maipp.typing import Array, Float, Key
@@ -107,7 +108,7 @@ class IntentSearch(PolicyPlanner, LegPlanner):
     def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
         """The others' fused intent at the nodes: Gaussians fitted to what each has announced."""
         told = jnp.isfinite(heard.times) & (observation.heard | self.recall)[:, None]
-        floor = COVARIANCE_FLOOR * max(self.scenario.extent) ** 2
+        floor = COVARIANCE_FLOOR * longest_side(self.scenario.extent) ** 2
         intents: Intent = jax.vmap(lambda points, mask: fit_intent(points, mask, floor))(heard.points, told)
         return fuse_intents(intents, told.any(axis=1), jnp.asarray(roadmap_of(observation).nodes))
 

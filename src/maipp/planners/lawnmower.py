@@ -8,8 +8,8 @@ from maipp.errors import InputError
 from maipp.planners.detour import TURNS, waypoints, ways_from
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import Sweep, clipped_sweep
-from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Float, Index, Key
+from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.typing import Array, Float, Index, Int, Key
 
 _MOST_ROWS = 32
 
@@ -28,9 +28,10 @@ class Lawnmower(PlanePlanner):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.zones is not None and self.sweep is None:
+        if self.zones is not None and self.sweep is None and isinstance(self.scenario, Scenario):
             self.check()
-            self.sweep = clipped_sweep(self.scenario, *self.tuned(), self.zones.corners.shape[0])
+            rows, margin = self.tuned()
+            self.sweep = clipped_sweep(self.scenario, int(rows), float(margin), self.zones.corners.shape[0])
 
     @property
     def waypoints_per_decision(self) -> int:
@@ -44,19 +45,20 @@ class Lawnmower(PlanePlanner):
         if not self.margin < 0.5:
             raise InputError(f"margin={self.margin}: give a share of the strip's width in [0, 0.5), or -1")
 
-    def tuned(self) -> tuple[int, float]:
+    def tuned(self) -> tuple[Int[Array, ""], Float[Array, ""]]:
         """Rows and margin in use.
 
         The rule was fitted to Tr(P) over rows x margins at three agents and B = 2..5 (100 instances, seed 7): wide
         margins where the budget is short, and as many rows as fit the strip besides a way to it of 0.15 sides.
         """
         width, height = self.scenario.extent
-        budget = sum(self.scenario.budgets) / self.scenario.agents
-        margin = self.margin if self.margin >= 0 else min(max(0.35 - 0.1 * budget / height, 0.05), 0.25)
+        budget = jnp.sum(jnp.asarray(self.scenario.budgets)) / self.scenario.agents
+        margin = jnp.clip(0.35 - 0.1 * budget / height, 0.05, 0.25) if self.margin < 0 else jnp.asarray(self.margin)
         across = width / self.scenario.agents * (1 - 2 * margin)
         way = 0.15 * (width + height) / 2
-        fits = [r for r in range(1, _MOST_ROWS + 1) if way + r * across + (r - 1) / r * height <= budget]
-        return self.rows or max(fits, default=1), margin
+        count = jnp.arange(1, _MOST_ROWS + 1)
+        fits = way + count * across + (count - 1) / count * height <= budget + DISTANCE_TOLERANCE
+        return jnp.asarray(self.rows or jnp.max(jnp.where(fits, count, 1))), margin
 
     def initial_memory(self) -> PyTree:
         """Number of the next vertex of the sweep."""
@@ -66,12 +68,12 @@ class Lawnmower(PlanePlanner):
         """The next vertex of the sweep; stops after the last."""
         if self.zones is not None:
             return self._next_piece(observation, memory)
-        vertices = self._sweep(observation)
+        vertices, swept = self._sweep(observation)
         # A vertex that coincides with the start would end the mission there.
         offset = vertices - observation.position
         distance = jnp.sqrt(jnp.sum(offset * offset, axis=-1))
         index = jnp.arange(vertices.shape[0])
-        ahead = (index >= memory) & (distance > DISTANCE_TOLERANCE)
+        ahead = (index >= memory) & (index < swept) & (distance > DISTANCE_TOLERANCE)
         following = jnp.argmax(ahead).astype(jnp.int32)
         return Decision(vertices[following][None], (), following + 1, ~ahead.any())
 
@@ -105,16 +107,16 @@ class Lawnmower(PlanePlanner):
         from_top = start[1] > height / 2
         return left, right, from_right, from_top
 
-    def _sweep(self, observation: Observation) -> Float[Array, "v 2"]:
-        """Vertices of the agent's sweep."""
+    def _sweep(self, observation: Observation) -> tuple[Float[Array, "v 2"], Int[Array, ""]]:
+        """Vertices of the agent's sweep, and how many they are: room is for those of the most rows."""
         rows, _ = self.tuned()
         height = self.scenario.extent[1]
         left, right, from_right, from_top = self._strip(observation)
         gap = height / rows
-        vertex = jnp.arange(4 * rows - 2)
+        vertex = jnp.arange(4 * _MOST_ROWS - 2)
         row, second = vertex // 2, vertex % 2
         # What is left of the budget after the last row is spent on the way back, between the rows.
         y = jnp.where(row < rows, row + 0.5, 2 * rows - 1 - row) * gap
         y = jnp.where(from_top, height - y, y)
         at_right = ((row + second) % 2 == 1) ^ from_right
-        return jnp.stack([jnp.where(at_right, right, left), y], axis=-1)
+        return jnp.stack([jnp.where(at_right, right, left), y], axis=-1), 4 * rows - 2

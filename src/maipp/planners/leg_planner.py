@@ -17,7 +17,7 @@ from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
 from maipp.planners.transit import best_transit, first_part
-from maipp.typing import Array, Bool, Float, Int, Key
+from maipp.typing import Array, Bool, Float, Int, Key, Real
 
 # Width of the border of the area by which grid points are picked for the search, field units.
 _BORDER = 0.15
@@ -252,7 +252,7 @@ class LegPlanner(PlanePlanner):
         """What a plan is judged by: the Tr(P) expected after it."""
         return self.interest.expected_trace(mean, variance, known, inside, spread=self._trusted(), blur=self.blur)
 
-    def _trusted(self) -> float:
+    def _trusted(self) -> Real:
         """The spread of values not yet measured that plans count on, in units of the belief's deviation."""
         # Who takes planned values for zero has no doubt about them.
         if self.scenario.virtual_value == "zero":
@@ -260,7 +260,7 @@ class LegPlanner(PlanePlanner):
         if self.spread is not None:
             return self.spread
         resolved = self.scenario.length_scale / (_RESOLVED * self.scenario.measurement_interval)
-        return _SPREAD * min(1.0, resolved) ** 2
+        return _SPREAD * jnp.minimum(1.0, resolved) ** 2
 
     def worth(self, belief: Belief) -> Float[Array, " q"]:
         """How uncertain the grid points are, as far as they may be of high interest."""

@@ -10,14 +10,14 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief, Interest
-from maipp.typing import Array, Bool, Float, Vector
+from maipp.typing import Array, Bool, Float, Real, Vector
 
 # Added to the candidates' own covariance, in units of the float's spacing: a virtual measurement on top of a real one
 # has nothing left to remove, and rounding takes its residual variance to a little below zero.
 _NUGGET = 64
 
 
-def measurement_offsets(to_next: Float[Array, ""], interval: float, count: int) -> Vector:
+def measurement_offsets(to_next: Float[Array, ""], interval: Real, count: int) -> Vector:
     """Distances travelled from here to each of the next `count` measurements (domain units)."""
     return to_next + interval * jnp.arange(count)
 

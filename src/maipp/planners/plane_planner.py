@@ -6,6 +6,7 @@ import numpy as np
 from maipp.engine.decision import Planner
 from maipp.roadmap import Obstacles, check_starts
 from maipp.roadmap.zones import Zones, zones_of
+from maipp.scenario import Scenario
 
 
 class PlanePlanner(Planner):
@@ -20,7 +21,7 @@ class PlanePlanner(Planner):
     avoids_obstacles = True
 
     def __post_init__(self) -> None:
-        if self.zones is None and self.scenario.obstacles:
+        if self.zones is None and isinstance(self.scenario, Scenario) and self.scenario.has_zones:
             if self.scenario.starts is not None:
                 check_starts(
                     np.asarray(self.scenario.starts),

@@ -11,13 +11,14 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief
-from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_variance
+from maipp.planners.lookahead import along_paths, predicted_variance
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import Edges, edges
 from maipp.policy import Memory, PolicyNetwork, Prepared
+from maipp.problem import ScenarioLike
 from maipp.roadmap import Roadmap
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Int, Key, Vector
 
 
@@ -44,26 +45,34 @@ class Situation(NamedTuple):
     meeting: Rendezvous | None = None  # where to be at the end
 
 
-def path_measurements(scenario: Scenario, situation: Situation, paths: Paths) -> tuple[Array, Array]:
+def path_measurements(scenario: ScenarioLike, situation: Situation, paths: Paths) -> tuple[Array, Array]:
     """Where each path measures, (a, h, 2), and which of these measurements it lives to take, (a, h)."""
     return _measurements(scenario, situation, jnp.asarray(situation.roadmap.nodes)[paths.nodes], paths.length)
 
 
 def _measurements(
-    scenario: Scenario, situation: Situation, waypoints: Float[Array, "a j 2"], length: Float[Array, " a"]
+    scenario: ScenarioLike, situation: Situation, waypoints: Float[Array, "a j 2"], length: Float[Array, " a"]
 ) -> tuple[Float[Array, "a h 2"], Bool[Array, "a h"]]:
     interval = scenario.measurement_interval
-    # As many as edges of the usual length can pass; measurements beyond are left out of the prediction.
-    reach = math.sqrt(scenario.neighbours * scenario.extent[0] * scenario.extent[1] / (math.pi * scenario.nodes))
-    count = math.ceil(waypoints.shape[1] * reach / interval) + 1
-    offsets = measurement_offsets(situation.to_next, interval, count)
-    points, _ = along_paths(situation.position, waypoints, offsets)
+    # Room for as many as edges of the usual length pass, or as many as there can ever be.
+    room = math.ceil(waypoints.shape[1] * scenario.usual_edge / scenario.finest_interval) + 1
+    room = min(room, scenario.measurements_per_agent)
     within = jnp.minimum(length, situation.remaining)
+    # A path of longer edges passes more: then as many as there is room for stand for all, from the first to the last.
+    # Leaving out the last ones would favour or spite long paths for their end alone.
+    passed = jnp.floor((within - situation.to_next + DISTANCE_TOLERANCE) / interval) + 1.0
+    stretch = jnp.maximum((passed - 1.0) / max(room - 1, 1), 1.0)
+    offsets = situation.to_next + interval * jnp.round(stretch[:, None] * jnp.arange(room))
+    points = jax.vmap(lambda path, at: along_paths(situation.position, path, at)[0])(waypoints, offsets)
     return points, offsets <= within[:, None] + DISTANCE_TOLERANCE
 
 
 def virtual_views(
-    scenario: Scenario, start: Situation, node: Int[Array, " a"], nodes: Int[Array, "a j"], length: Float[Array, " a"]
+    scenario: ScenarioLike,
+    start: Situation,
+    node: Int[Array, " a"],
+    nodes: Int[Array, "a j"],
+    length: Float[Array, " a"],
 ) -> PolicyView:
     """What the policy is shown at `node` (leading axis a), having come by `nodes`, `length` far (domain units).
 
@@ -96,7 +105,7 @@ class _Step(NamedTuple):
 
 
 def sample_paths(
-    scenario: Scenario,
+    scenario: ScenarioLike,
     network: PolicyNetwork,
     prepared: Prepared,
     situation: Situation,

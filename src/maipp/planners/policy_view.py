@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.planners.roadmap_step import Edges
 from maipp.policy import node_features
+from maipp.problem import ScenarioLike, longest_side
 from maipp.roadmap import Roadmap
-from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int, Point, Vector
 
 
@@ -26,7 +26,7 @@ class PolicyView(NamedTuple):
 
 
 def policy_view(
-    scenario: Scenario,
+    scenario: ScenarioLike,
     roadmap: Roadmap,
     nodes: Belief,
     here: Edges,
@@ -51,6 +51,6 @@ def policy_view(
         neighbours=here.target_nodes,
         allowed=here.allowed,
         neighbour_std=std[here.target_nodes],
-        remaining=remaining / max(scenario.extent),
+        remaining=remaining / longest_side(scenario.extent),
         threshold=jnp.asarray(scenario.threshold, std.dtype),
     )

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.problem import ScenarioLike
 from maipp.roadmap import Zones
-from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float
 
 # Ways on a roadmap are this much longer than straight ones (20 neighbours of 200 nodes: some 5 %), with some reserve.
@@ -20,17 +20,16 @@ _DETOUR = 1.1
 class Rendezvous(NamedTuple):
     """Where, and how near is near enough."""
 
-    place: tuple[float, float]  # domain units
-    radius: float  # domain units
+    place: Float[Array, "2"]  # domain units
+    radius: Float[Array, ""]  # domain units; inf where everybody always hears everybody
 
 
-def rendezvous(scenario: Scenario) -> Rendezvous | None:
-    """The team's meeting at the end; None where everybody always hears everybody, or nobody else is there."""
-    if scenario.comm_range is None or scenario.agents < 2:
+def rendezvous(scenario: ScenarioLike) -> Rendezvous | None:
+    """The team's meeting at the end; None where no range is limited, or nobody else is there."""
+    if not scenario.limited or scenario.comm_range is None or scenario.agents < 2:
         return None
-    width, height = scenario.extent
     # Short of the half, so that rounding keeps nobody out.
-    return Rendezvous((width / 2, height / 2), 0.49 * scenario.comm_range)
+    return Rendezvous(0.5 * jnp.asarray(scenario.extent), jnp.asarray(0.49 * scenario.comm_range))
 
 
 def spare(
@@ -44,7 +43,7 @@ def spare(
     length = jnp.sqrt(jnp.sum(leg * leg, axis=-1))
     travelled = jnp.minimum(length, remaining)
     end = start + leg * (travelled / jnp.maximum(length, 1e-9))[..., None]
-    away = jnp.sqrt(jnp.sum((end - jnp.asarray(meeting.place)) ** 2, axis=-1))
+    away = jnp.sqrt(jnp.sum((end - meeting.place) ** 2, axis=-1))
     return remaining - travelled - _DETOUR * jnp.maximum(away - meeting.radius, 0.0)
 
 
@@ -81,7 +80,7 @@ def lateness(
     begins = jnp.concatenate([origin, ends[..., :-1, :]], axis=-2)
     reached = begins + (ends - begins) * (travelled / jnp.maximum(steps, 1e-9))[:, None]
     if zones is None:
-        squared = jnp.sum((reached - jnp.asarray(meeting.place)) ** 2, axis=-1)
+        squared = jnp.sum((reached - meeting.place) ** 2, axis=-1)
         away = jnp.sqrt(jnp.maximum(squared, 1e-12)) - meeting.radius
     else:
         away = _around(meeting, zones, reached) - meeting.radius
@@ -94,7 +93,7 @@ def _around(meeting: Rendezvous, zones: Zones, points: Float[Array, "*c 2"]) -> 
     """Length of the way from points to the meeting, between those from the points of the grid around (domain units)."""
     last = zones.to_middle.shape[0] - 1
     # The meeting is in the middle of the domain.
-    place = points / (2.0 * jnp.asarray(meeting.place, points.dtype)) * last
+    place = points / (2.0 * meeting.place) * last
     low = jnp.clip(jnp.floor(lax.stop_gradient(place)), 0, last - 1)
     share, index = place - low, low.astype(jnp.int32)
     x, y = index[..., 0], index[..., 1]

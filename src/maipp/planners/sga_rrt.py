@@ -19,7 +19,7 @@ from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.transit import best_transit, first_part
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Bool, Float, Int, Key
+from maipp.typing import Array, Bool, Extent, Float, Int, Key
 
 # Samples that each node of the tree has where there are no-go zones, until one gives a free edge.
 _TRIES = 8
@@ -41,7 +41,7 @@ def grow_tree(
     *,
     nodes: int,
     branch: float,
-    extent: tuple[float, float],
+    extent: Extent,
     offsets: Float[Array, " h"],
     vertices: int,
     zones: Zones | None = None,
@@ -135,7 +135,7 @@ class SgaRrt(PlanePlanner):
     @property
     def horizon(self) -> int:
         """Most measurements on a candidate path."""
-        return max(1, math.ceil(self.lengths[1] / self.scenario.measurement_interval - 1e-6))
+        return max(1, math.ceil(self.lengths[1] / self.scenario.finest_interval - 1e-6))
 
     def empty_message(self) -> PyTree:
         """The announced path, as the measurements on it."""

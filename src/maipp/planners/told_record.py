@@ -1,71 +1,21 @@
-"""Run missions and keep what every decision told the others: intents and announced measurements."""
+"""What the decisions of a recorded run told the others: intents and announced measurements."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
-from maipp.engine import Mission, Planner, State, reset
-from maipp.engine.observe import due_agent
-from maipp.engine.rollout import refuse_to_cross, step
+from maipp.engine.decision import Planner
+from maipp.engine.rollout import Events
 from maipp.planners.announced import Announcement
 from maipp.planners.team_plan import TeamPlan
-from maipp.scenario import Scenario
 from maipp.team import Intent
 from maipp.team.told import Told
-from maipp.typing import Array, Bool, Float, Int, Key
-
-# Events between two looks from the host whether any mission still runs.
-_EVENTS_PER_CALL = 16
 
 
-class Recorded(NamedTuple):
-    """The decisions of a batch of missions in their order; b missions, e events."""
-
-    states: State  # at the end
-    agent: Int[np.ndarray, "b e"]  # that decided
-    counts: Bool[np.ndarray, "b e"]  # False where the mission had ended before
-    time: Float[np.ndarray, "b e"]  # of the decision
-    kept: Any  # (b, e, ...): of the message that was sent
-
-
-def run_recorded(
-    scenario: Scenario, planner: Planner, missions: Mission, key: Key, keep: Callable[[Any], Any]
-) -> Recorded:
-    """Run missions (leading axis b), and keep `keep(message)` of every decision.
-
-    Mission i draws its randomness from `fold_in(key, i)`, as in `run_missions`, and takes the same course. Raises
-    InputError for obstacles that the planner does not avoid.
-    """
-    refuse_to_cross(scenario, planner)
-    arrays, static = eqx.partition(planner, eqx.is_array)
-    count = missions.start.shape[0]
-    keys = jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(count))
-
-    def event(arrays: Any, mission: Mission, key: Key, state: State, _: None) -> tuple[State, Any]:
-        agent, active = due_agent(scenario, state), state.active.any()
-        state = step(scenario, eqx.combine(arrays, static), mission, state, key)
-        kept = keep(jax.tree.map(lambda row: row[agent], state.messages))
-        return state, (agent, active, state.time, kept)
-
-    @jax.jit
-    def some(arrays: Any, missions: Mission, keys: Array, states: State) -> tuple[State, Any]:
-        def one(mission: Mission, key: Key, state: State) -> tuple[State, Any]:
-            return lax.scan(partial(event, arrays, mission, key), state, None, length=_EVENTS_PER_CALL)
-
-        return jax.vmap(one)(missions, keys, states)
-
-    states = jax.jit(jax.vmap(partial(reset, scenario, planner)))(missions)
-    told = []
-    while bool(states.active.any()):
-        states, rows = some(arrays, missions, keys, states)
-        told.append(jax.device_get(rows))
-    return Recorded(states, *jax.tree.map(lambda *rows: np.concatenate(rows, axis=1), *told))
+def whole_message(message: Any) -> Any:
+    """What a run keeps of a message for `told_in`: all of it."""
+    return message
 
 
 def tells_plans(planner: Planner) -> bool:
@@ -73,7 +23,7 @@ def tells_plans(planner: Planner) -> bool:
     return isinstance(planner.empty_message(), Intent | Announcement | TeamPlan)
 
 
-def told_in(recorded: Recorded, index: int = 0) -> tuple[Told, ...]:
+def told_in(recorded: Events, index: int = 0) -> tuple[Told, ...]:
     """What was told in mission `index`, in the order of the decisions; for a run of which whole messages were kept.
 
     Whoever stops tells nothing any more: its last entry is empty. Raises TypeError for messages of another kind.

@@ -9,7 +9,7 @@ from jax import lax
 from maipp.engine.polyline import along
 from maipp.planners.detour import sight, waypoints, ways_from
 from maipp.roadmap.zones import Zones
-from maipp.typing import Array, Float, Point
+from maipp.typing import Array, Float, Point, Real
 
 # Points of the evaluation grid to which ways are looked up, and of those the ones whose measurement is predicted.
 _LOOKED_UP, _PREDICTED = 96, 8
@@ -27,7 +27,7 @@ def best_transit(
     zones: Zones,
     here: Point,
     remaining: Float[Array, ""],
-    interval: float,
+    interval: Real,
     worth: Float[Array, " q"],
     gain: Callable[[Float[Array, "k 1 2"]], Float[Array, " k"]],
 ) -> Transit:
@@ -50,7 +50,7 @@ def best_transit(
     return Transit(waypoints(zones, ways, best[chosen]), distance, rate[chosen])
 
 
-def first_part(start: Point, path: Float[Array, "w 2"], length: Float[Array, ""] | float) -> Float[Array, "w 2"]:
+def first_part(start: Point, path: Float[Array, "w 2"], length: Real) -> Float[Array, "w 2"]:
     """The path's waypoints, cut where it is `length` long (domain units)."""
     whole = jnp.concatenate([start[None], path])
     reach = jnp.cumsum(jnp.sqrt(jnp.sum((whole[1:] - whole[:-1]) ** 2, axis=-1)))

@@ -7,8 +7,9 @@ import numpy as np
 
 from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.episode import Episode
+from maipp.engine.rollout import run_recorded
 from maipp.errors import InputError
-from maipp.planners.told_record import run_recorded, tells_plans, told_in
+from maipp.planners.told_record import tells_plans, told_in, whole_message
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.team.told import Told
@@ -38,10 +39,10 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
     missions = draw(prepared, planner, seed=seed, instances=1, field=field)
     key, told = jax.random.key(seed), ()
     if tells_plans(planner):
-        recorded = run_recorded(prepared.scenario, planner, missions, key, lambda message: message)
-        states, told = recorded.states, told_in(recorded)
+        states, events = run_recorded(planner, missions, key, whole_message)
+        told = told_in(events)
     else:
-        states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, key))
+        states = jax.block_until_ready(run_missions(planner, missions, key))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
     episode = Episode.from_state(
         prepared.scenario, prepared.planner, options, seed, missions, states, mapping=prepared.frame.mapping

@@ -15,7 +15,6 @@ from maipp.belief import Matern32, rmse
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.found import area_found
 from maipp.engine.score import interest_of, pooled_belief
-from maipp.scenario import Scenario
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
@@ -115,8 +114,8 @@ def rehearse(
             missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=field)
         else:
             missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
-        states = run_missions(prepared.scenario, planner, missions, key)
-        teams.append(_in_units(prepared, name, count, jax.device_get(outcomes(prepared.scenario, missions, states))))
+        states = run_missions(planner, missions, key)
+        teams.append(_in_units(prepared, name, count, jax.device_get(outcomes(missions, states))))
     if progress is not None:
         progress("done", len(ready), len(ready))
     on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
@@ -147,18 +146,18 @@ def _drawn(prepared: PreparedSurvey, count: int, seed: int) -> Any:
 
 
 @eqx.filter_jit
-def outcomes(scenario: Scenario, missions: Mission, states: State) -> Outcome:
+def outcomes(missions: Mission, states: State) -> Outcome:
     """The outcomes of finished missions, one after the other to keep the memory of one."""
-    return lax.map(lambda pair: _outcome(scenario, *pair), (missions, states))
+    return lax.map(lambda pair: _outcome(*pair), (missions, states))
 
 
-def _outcome(scenario: Scenario, mission: Mission, state: State) -> Outcome:
-    interest = interest_of(scenario)
-    high = mission.truth >= scenario.threshold
+def _outcome(mission: Mission, state: State) -> Outcome:
+    interest, threshold = interest_of(mission.problem), mission.params.threshold
+    high = mission.truth >= threshold
 
     def measures(time: float) -> tuple[Array, Array, Array]:
-        belief = pooled_belief(scenario, mission, state, time)
-        area = area_found(high, belief.mean >= scenario.threshold, mission.inside)
+        belief = pooled_belief(mission, state, time)
+        area = area_found(high, belief.mean >= threshold, mission.inside)
         found = jnp.asarray(area.both / area.true)  # NaN where there is none
         trace = interest.trace(belief.mean, belief.variance, mission.inside)
         return trace, rmse(belief.mean, mission.truth, mission.inside), found

@@ -50,7 +50,7 @@ class HeldOutWorlds:
         """Run and score the planner with this network, which must lie on the default device alone."""
         began = time.perf_counter()
         planner = dataclasses.replace(self._planner, network=network)  # type: ignore[type-var]  # modules are dataclasses
-        states = run_missions(self.scenario, planner, self._missions, jax.random.key(EVALUATION_SEED))
-        traces = np.asarray(score_missions(self.scenario, self._missions, states).trace, np.float64)
+        states = run_missions(planner, self._missions, jax.random.key(EVALUATION_SEED))
+        traces = np.asarray(score_missions(self._missions, states).trace, np.float64)
         se = float(traces.std(ddof=1)) / math.sqrt(len(traces)) if len(traces) > 1 else None
         return HeldOut(float(traces.mean()), se, time.perf_counter() - began)

@@ -61,7 +61,7 @@ def new_environment(
     """A fresh mission in a world of its own."""
     world = draw_world(config, scenario, bank, key)
     plans = jnp.broadcast_to(no_plan(), (scenario.agents, *no_plan().shape))
-    return Environment(world, reset(scenario, planner, mission_of(scenario, bank, world)), plans)
+    return Environment(world, reset(planner, mission_of(scenario, bank, world)), plans)
 
 
 def step(
@@ -81,15 +81,16 @@ def step(
     world, state, plans = environment
     act_key, teach_key, follow_key, pick_key, new_key = jax.random.split(key, 5)
     mission = mission_of(scenario, bank, world)
-    state, agent, observation = turn(scenario, mission, state)
+    state, agent, observation = turn(mission, state)
     observation = dataclasses.replace(observation, roadmap=agent_roadmap(bank, world, agent))
     memory = jax.tree.map(lambda a: a[agent], state.memory)
+    planner = planner.on(mission.problem)
     decision, choice = planner.act(act_key, observation, memory)
     view, index = choice.view, choice.index
     lesson = jnp.zeros(view.allowed.shape, jnp.float32)
     elites = None
     if phase == "imitate":
-        advice = teach(scenario, teach_key, observation, planner.counted(observation), view, plans[agent])
+        advice = teach(mission.problem, teach_key, observation, planner.counted(observation), view, plans[agent])
         lesson, plans = advice.choice.astype(jnp.float32), plans.at[agent].set(advice.plan)
     elif phase == "search":
         elites = find_elites(config, planner, teach_key, observation, choice)
@@ -100,8 +101,8 @@ def step(
         index = jnp.where(obey, taught, index)
         target = jnp.asarray(observation.roadmap.nodes)[view.neighbours[index]]  # type: ignore[union-attr]
         decision = dataclasses.replace(decision, waypoints=jnp.where(obey, target[None], decision.waypoints))
-    after = advance(scenario, planner, mission, state, agent, decision)
-    ended = ~after.active.any()
+    after = advance(planner, mission, state, agent, decision)
+    ended = ~after.active.any() | after.full.any()  # a route of so many decisions leads nowhere
     transition = Transition(
         features=view.features.astype(jnp.float32),
         roadmap=world.roadmap,

@@ -11,7 +11,8 @@ from maipp.planners.headings import walk
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import along_paths, measurement_offsets
 from maipp.planners.policy_view import PolicyView
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.problem import ScenarioLike
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float, Key
 
 # How much farther from the plan a node may lie for each unit that it lies farther ahead: measured on 48 worlds of
@@ -42,7 +43,12 @@ def no_plan() -> Float[Array, " h"]:
 
 
 def teach(
-    scenario: Scenario, key: Key, observation: Observation, belief: Belief, view: PolicyView, plan: Float[Array, " h"]
+    scenario: ScenarioLike,
+    key: Key,
+    observation: Observation,
+    belief: Belief,
+    view: PolicyView,
+    plan: Float[Array, " h"],
 ) -> Lesson:
     """The choices that follow the best plans in the plane found for the due agent; `belief` counts the others' intents.
 

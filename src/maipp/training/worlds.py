@@ -1,5 +1,6 @@
 """Worlds to train in: a bank of roadmaps drawn beforehand, and fields, budgets and symmetries drawn on the fly."""
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -7,6 +8,7 @@ import jax.numpy as jnp
 
 from maipp.engine import Mission, draw_missions
 from maipp.fields import evaluation_grid, sample_mixture
+from maipp.problem import Params, params_of, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
 from maipp.training.config import TrainConfig
@@ -28,7 +30,7 @@ class World(NamedTuple):
 
     field: Array  # the ground truth, a pytree callable on points
     truth: Float[Array, " q"]
-    budgets: Float[Array, " m"]
+    params: Params  # its numbers
     roadmap: Index  # row of the bank
     symmetry: Int[Array, ""]  # of the square, 0..7
     signs: Float[Array, " e"]  # +-1 for each column of the encoding
@@ -62,7 +64,7 @@ def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) ->
     return World(
         field=field,  # type: ignore[arg-type]  # a pytree of arrays
         truth=field(grid),
-        budgets=jnp.full(scenario.agents, budget),
+        params=dataclasses.replace(params_of(scenario), budgets=jnp.full(scenario.agents, budget)),
         roadmap=jax.random.randint(row_key, (), 0, bank.start.shape[0]),
         symmetry=jax.random.randint(symmetry_key, (), 0, 8),
         signs=jax.random.rademacher(sign_key, (bank.roadmap.encoding.shape[-1],), jnp.float32),
@@ -80,13 +82,13 @@ def mission_of(scenario: Scenario, bank: Bank, world: World) -> Mission:
     """The mission to be simulated, without roadmaps: `agent_roadmap` gives the due agent's when it is asked for."""
     grid = evaluation_grid(scenario.grid, scenario.extent)
     return Mission(
+        shape=shape_of(scenario),
+        params=world.params,
         field=world.field,
         grid=grid,
         truth=world.truth,
         inside=jnp.ones(grid.shape[0], bool),
         start=turned(world.symmetry, bank.start[world.roadmap]),
-        budgets=world.budgets,
-        speeds=jnp.asarray(scenario.speeds, grid.dtype),
         roadmap=None,
     )
 

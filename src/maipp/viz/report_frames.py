@@ -45,7 +45,9 @@ def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
     """The frames of a report, with pictures on this grid."""
     episode, scenario = report.episode, report.episode.scenario
     times = frame_times(report)
-    belief = episode.beliefs(times + time_tolerance(scenario))  # what is measured at an instant is known in its frame
+    belief = episode.beliefs(
+        times + time_tolerance(np.asarray(scenario.speeds))
+    )  # what is measured at an instant is known in its frame
     inside, points = episode.inside, max(int(episode.inside.sum()), 1)
     true_area = (episode.truth >= scenario.threshold) & inside
     unknown = np.full(len(times), np.nan)

@@ -1,0 +1,47 @@
+"""An agent's decision: the planner's answer to what it knows, as the polyline that its budget allows."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from maipp.engine.decision import Decision, Knowledge, Observation, Planner, PyTree
+from maipp.engine.mission import Mission
+from maipp.engine.observe import observe
+from maipp.engine.polyline import cut_leg
+from maipp.problem import Problem
+from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.typing import Array, Bool, Float, Key, Point
+
+
+class Departure(eqx.Module):
+    """What an agent does that was told so: the one form of a decision that anything acts on."""
+
+    leg: Float[Array, "v 2"]  # from its position through the waypoints, cut where its budget ends, domain units
+    reach: Float[Array, " w"]  # distance from its position to each waypoint of the leg; the last is its length
+    go: Bool[Array, ""]  # False: it stops here
+    message: PyTree
+    memory: PyTree
+
+    @property
+    def length(self) -> Float[Array, ""]:
+        """Of the leg, domain units."""
+        return self.reach[-1]
+
+
+def depart(problem: Problem, position: Point, remaining: Float[Array, ""], decision: Decision) -> Departure:
+    """The decision of an agent at `position` as it can be acted on; who would go nowhere stops."""
+    leg, reach = cut_leg(problem.params.extent, position, decision.waypoints, remaining)
+    go = ~jnp.asarray(decision.stop, bool) & (reach[-1] > DISTANCE_TOLERANCE)
+    return Departure(leg, reach, go, decision.message, decision.memory)
+
+
+def ask(planner: Planner, mission: Mission, key: Key, observation: Observation, memory: PyTree) -> Decision:
+    """What the planner answers, in this mission's own numbers."""
+    return planner.on(mission.problem).decide(key, observation, memory)
+
+
+@eqx.filter_jit
+def decide(planner: Planner, mission: Mission, key: Key, known: Knowledge, memory: PyTree) -> Departure:
+    """One decision of one agent from what it knows, compiled: what a survey outside of batches asks."""
+    observation = observe(mission, known)
+    decision = ask(planner, mission, key, observation, memory)
+    return depart(mission.problem, observation.position, observation.remaining, decision)
