@@ -10,13 +10,14 @@ from maipp.adapters.announcer import Announcer
 from maipp.adapters.form import MASKED, REWARDS, Form, check_form, check_option
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import action_space, as_observation, observation_space
-from maipp.adapters.view import SHORTEST_LEG, View
+from maipp.adapters.view import View
 from maipp.engine.episode import Episode
 from maipp.engine.mission import Field, Mission, draw_missions
 from maipp.engine.reward import final_reward, reward
 from maipp.engine.score import Metrics, score_missions
 from maipp.engine.state import State, route_capacity
 from maipp.errors import InputError
+from maipp.roadmap import SHORTEST_LEG
 from maipp.scenario import Scenario
 
 RENDER_MODES = ("human", "rgb_array", "ansi")

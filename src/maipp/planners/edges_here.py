@@ -4,8 +4,9 @@ import jax.numpy as jnp
 
 from maipp.engine.decision import Observation
 from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import Edges, current_node, edges, roadmap_of
+from maipp.planners.roadmap_step import edges, roadmap_of
 from maipp.planners.roadmap_ways import lengths_from, lengths_to
+from maipp.roadmap import Edges, nearest_node
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool
 
@@ -26,7 +27,7 @@ def edges_here(scenario: Scenario, observation: Observation, meeting: Rendezvous
     without roadmaps.
     """
     roadmap = roadmap_of(observation)
-    node = current_node(roadmap, observation.position)
+    node = nearest_node(roadmap, observation.position)
     here = edges(roadmap, node, observation.remaining, scenario.last_leg, meeting)
     return here._replace(allowed=_leading_on(scenario, observation, here)) if scenario.obstacles else here
 

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.planners.roadmap_step import Edges
 from maipp.policy import node_features
-from maipp.roadmap import Roadmap
+from maipp.roadmap import Edges, Roadmap
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int, Point, Vector
 
