@@ -1,4 +1,4 @@
-"""Driven by a planner's choices, an environment goes through the planner's own survey; and the laws of its turns."""
+"""The laws of the turns: who decides when, what it sees then, and what it is given for its last decision."""
 
 import math
 from typing import Any
@@ -18,45 +18,6 @@ surveys: Any = environments  # its observations are arrays or dictionaries, by t
 SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
 # Unequal robots that seldom hear each other: what is known, and who is due when, depends on the order of events.
 UNEQUAL = SMALL.replace(budget=(1.2, 0.9, 1.1), speed=(1.0, 0.7, 1.3), comm_range=0.3, last_leg="stop")
-# Two zones between which a leg fits.
-ZONES = SMALL.replace(
-    obstacles=(((0.3, 0.0), (0.4, 0.0), (0.4, 0.6), (0.3, 0.6)), ((0.7, 0.4), (0.8, 0.4), (0.8, 1.0))), start=(0.1, 0.1)
-)
-
-
-def planner_survey(scenario, name, seed):
-    """The mission and the final state of a registered planner's survey."""
-    planner = maipp.make_planner(name, scenario)
-    missions = maipp.draw_missions(scenario, seed=seed, instances=1)
-    return maipp.run_missions(planner, missions, jax.random.key(seed))
-
-
-def numbers(state):
-    """All fields that do not depend on the planner."""
-    names = set(state.__dataclass_fields__) - {"messages", "memory"}
-    return {name: np.asarray(getattr(state, name))[0] for name in sorted(names)}
-
-
-class Replay:
-    """Chooses in an environment what a finished survey chose, one recorded vertex after the other."""
-
-    def __init__(self, final):
-        self.route = np.asarray(final.route)[0]
-        self.taken = [0] * len(self.route)
-        self.left: dict[str, float] = {}
-
-    def choose(self, env, agent, observation):
-        index = env.possible_agents.index(agent)
-        self.taken[index] += 1
-        vertex, end = self.route[index, self.taken[index]], self.route[index, self.taken[index] - 1]
-        candidates = surveys.split_view(env.scenario, observation["observation"]).candidates
-        left = env.infos[agent]["remaining"] if hasattr(env, "infos") else self.left[agent]
-        lengths = np.maximum(candidates[:, 2], 1e-9)
-        ends = end + candidates[:, :2] * np.minimum(1.0, left / lengths)[:, None]
-        miss = np.linalg.norm(ends - vertex, axis=1)
-        choice = int(np.argmin(np.where(observation["action_mask"][: len(miss)] == 1, miss, np.inf)))
-        assert miss[choice] < 1e-5, "the planner went where the mask allows nothing"
-        return choice
 
 
 def play_aec(env, seed, choose):
@@ -70,12 +31,10 @@ def play_aec(env, seed, choose):
     return total
 
 
-def play_parallel(env, seed, choose, replay=None):
+def play_parallel(env, seed, choose):
     observations, infos = env.reset(seed=seed)
     total = dict.fromkeys(env.possible_agents, 0.0)
     while env.agents:
-        if replay is not None:
-            replay.left = {name: infos[name]["remaining"] for name in env.agents}
         actions = {
             name: env.scenario.neighbours if infos[name]["travelling"] else choose(env, name, observations[name])
             for name in env.agents
@@ -84,29 +43,6 @@ def play_parallel(env, seed, choose, replay=None):
         for name, reward in rewards.items():
             total[name] += reward
     return total
-
-
-@pytest.mark.parametrize("kind", ["aec", "parallel"])
-@pytest.mark.parametrize(
-    ("scenario", "name"),
-    [(SMALL, "greedy"), (UNEQUAL, "random"), (ZONES, "random")],
-    ids=["greedy", "unequal", "zones"],
-)
-def test_a_planner_s_choices_give_its_survey(scenario, name, kind):
-    final = planner_survey(scenario, name, seed=5)
-    replay = Replay(final)
-    if kind == "aec":
-        env = surveys.aec_env(scenario)
-        play_aec(env, 5, replay.choose)
-    else:
-        env = surveys.parallel_env(scenario)
-        play_parallel(env, 5, replay.choose, replay)
-    mission, state = env.simulator_state()
-    for key, value in numbers(final).items():
-        np.testing.assert_allclose(numbers(state)[key], value, atol=1e-5, err_msg=key)
-    expected = maipp.score_missions(mission, final)
-    np.testing.assert_allclose(env.metrics().own_trace, expected.own_trace, rtol=1e-3)
-    assert env.episode().decisions == int(final.events[0])
 
 
 def widest(env, agent, observation):

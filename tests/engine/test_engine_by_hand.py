@@ -13,7 +13,6 @@ from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import Decision, Planner, draw_missions, rollout, run_missions
 from maipp.engine.state import route_capacity
-from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 AGENTS, DECISIONS, WAYPOINTS, INTERVAL = 3, 6, 2, 0.2
@@ -242,7 +241,7 @@ def test_a_planner_of_tiny_steps_travels_its_budget():
     final = run_missions(planner, missions, jax.random.key(0))
     assert not final.active.any() and not final.full.any()
     np.testing.assert_allclose(final.odometer[0], 0.11, atol=2e-5)
-    assert (final.route_length[0] > route_capacity(shape_of(scenario), planner)).all()
+    assert (final.route_length[0] > route_capacity(scenario, planner)).all()
     route = np.asarray(final.route[0, 0, : final.route_length[0, 0]])
     np.testing.assert_allclose(route[:, 0], np.minimum(0.2 + 1e-4 * (np.arange(len(route)) // 2), 0.31), atol=1e-4)
 
@@ -254,7 +253,7 @@ def test_a_planner_that_would_never_end_is_stopped(monkeypatch):
     planner = Crawl(scenario)
     final = run_missions(planner, missions, jax.random.key(0))
     assert not final.active.any()
-    capacity = route_capacity(shape_of(scenario), planner)
+    capacity = route_capacity(scenario, planner)
     decisions = (capacity - 1) // WAYPOINTS
     assert final.full.any() and int(final.route_length[0].max()) == capacity
     assert final.odometer[0].max() == pytest.approx(decisions * 1e-4, rel=1e-2)

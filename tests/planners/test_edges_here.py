@@ -14,7 +14,8 @@ from maipp.engine import draw_missions, reset
 from maipp.engine.observe import knowledge, observe
 from maipp.planners.edges_here import edges_here
 from maipp.planners.random_walk import RandomWalk
-from maipp.planners.roadmap_step import current_node, edges, roadmap_of
+from maipp.planners.roadmap_step import edges, roadmap_of
+from maipp.roadmap import nearest_node
 from maipp.scenario import Scenario
 
 BAY = ((0.3, 0.3), (0.7, 0.3), (0.7, 0.35), (0.35, 0.35), (0.35, 0.65), (0.7, 0.65), (0.7, 0.7), (0.3, 0.7))
@@ -39,7 +40,7 @@ def observed():
 def both(scenario, observation):
     """The edges that lead on, and all that the budget allows."""
     roadmap = roadmap_of(observation)
-    node = current_node(roadmap, observation.position)
+    node = nearest_node(roadmap, observation.position)
     return edges_here(scenario, observation), edges(roadmap, node, observation.remaining, scenario.last_leg)
 
 

@@ -1,10 +1,11 @@
 """What an environment's agents do and see: the options, and the layout of the numbers they are given."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
+from maipp.engine.reward import RewardKind
 from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.typing import Float
@@ -19,7 +20,7 @@ MEAN_LIMIT = 10.0
 
 ACTIONS = ("neighbour", "waypoint")
 VIEWS = ("local", "graph")
-REWARDS = ("paper", "log-trace")
+REWARDS = get_args(RewardKind)
 MASKED = ("nearest", "raise")
 
 

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 
 from maipp.adapters.announcer import Announcer, nothing_told
 from maipp.adapters.form import Form
-from maipp.adapters.view import View, Way, candidates_from, view_of
+from maipp.adapters.view import View, Way, view_of
 from maipp.engine.advance import advance
 from maipp.engine.decision import Decision
 from maipp.engine.mission import Mission
 from maipp.engine.observe import hear, knowledge, observe, time_tolerance, turn
 from maipp.engine.state import State, reset
+from maipp.roadmap import nearest_node
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int
 
@@ -39,8 +40,8 @@ def _depart(
     target = choice
     if form.actions == "neighbour":
         roadmap = jax.tree.map(lambda a: a[agent], mission.roadmap)
-        points, _ = candidates_from(scenario, form, roadmap, state.leg[agent, -1], jnp.asarray(jnp.inf))
-        target = points[choice]
+        node = nearest_node(roadmap, state.leg[agent, -1])
+        target = jnp.asarray(roadmap.nodes)[roadmap.neighbours[node, choice]]
     target = jnp.asarray(target, state.leg.dtype)
     decision = Decision(target[None], jnp.where(stop, nothing_told(), target), (), stop)
     return advance(Announcer(scenario), mission, state, agent, decision)

@@ -1,6 +1,5 @@
 """What both environments share: worlds, spaces, rewards, actions checked, the record and the picture."""
 
-import math
 from typing import Any
 
 import gymnasium
@@ -11,22 +10,21 @@ from maipp.adapters.announcer import Announcer
 from maipp.adapters.form import MASKED, REWARDS, Form, check_form, check_option
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import action_space, as_observation, observation_space
-from maipp.adapters.view import SHORTEST_LEG, View
+from maipp.adapters.view import View
 from maipp.engine.episode import Episode
 from maipp.engine.mission import Field, Mission, draw_missions
+from maipp.engine.reward import final_reward, reward
 from maipp.engine.score import Metrics, score_missions
 from maipp.engine.state import State, route_capacity
 from maipp.errors import InputError
-from maipp.problem import shape_of
+from maipp.roadmap import SHORTEST_LEG
 from maipp.scenario import Scenario
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 
 _LARGEST_SEED = 2**31 - 1  # what a world's key takes at JAX's default precision
 
-# As in training (Yang et al. 2023, Sec. IV-C): the weight of the final trace, and the least trace counted.
-_FINAL = 0.02
-_LEAST_TRACE = 1e-3
+_for_decision, _for_end = (jax.jit(function, static_argnums=0) for function in (reward, final_reward))
 
 
 class Survey:
@@ -72,9 +70,7 @@ class Survey:
         self.action_spaces = {name: action_space(scenario, form, moves) for name in self.possible_agents}
         self.observation_spaces = {name: observation_space(scenario, form, moves) for name in self.possible_agents}
         self._moves = moves
-        self._most_decisions = (
-            route_capacity(shape_of(scenario), Announcer(scenario)) - 1
-        )  # then an agent's record is full
+        self._most_decisions = route_capacity(scenario, Announcer(scenario)) - 1  # then an agent's record is full
         self._seeds = np.random.default_rng()
         self._figure: Any = None
 
@@ -137,16 +133,11 @@ class Survey:
     def _gain(self, index: int, trace: float, ended: bool) -> float:
         """The reward for an agent's last decision, now that it decides again or has ended; 0 before its first.
 
-        From Tr(P) of its own belief then to that now: the relative drop, and -0.02 Tr(P) at the end, as in the paper;
-        or the drop of log Tr(P), which sums to that of the whole survey.
+        As in training: from Tr(P) of its own belief then to that now, and for its end.
         """
         before, self._before[index] = self._before[index], trace
-        final = -_FINAL * trace if ended and self._reward == "paper" else 0.0
-        if before is None:
-            return final
-        if self._reward == "log-trace":
-            return math.log(max(before, _LEAST_TRACE)) - math.log(max(trace, _LEAST_TRACE))
-        return (before - trace) / max(before, _LEAST_TRACE) + final
+        gain = 0.0 if before is None else float(_for_decision(self._reward, before, trace))
+        return gain + (float(_for_end(self._reward, trace)) if ended else 0.0)
 
     def _observation(self, view: View, mask: np.ndarray) -> Any:
         return as_observation(self.form, view, None if self.form.actions == "waypoint" else mask)

@@ -9,13 +9,9 @@ from maipp.belief import Belief
 from maipp.engine.decision import Observation
 from maipp.engine.score import interest_of
 from maipp.policy import node_features
-from maipp.roadmap import Roadmap
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.roadmap import SHORTEST_LEG, Roadmap, edges_from, nearest_node
+from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int, Point, Points, Vector
-
-# Legs up to this go nowhere, and whoever goes nowhere has stopped. Twice what the engine says, so that rounding never
-# makes the engine stop an agent that its environment takes to be on its way.
-SHORTEST_LEG = 2 * DISTANCE_TOLERANCE
 
 
 class Graph(NamedTuple):
@@ -48,30 +44,20 @@ class Way(NamedTuple):
     full: Bool[Array, ""]  # the record of its route has no room for another leg
 
 
-def node_at(roadmap: Roadmap, position: Point) -> Index:
-    """The roadmap node nearest to a position."""
-    offset = jnp.asarray(roadmap.nodes) - position
-    return jnp.argmin(jnp.sum(offset * offset, axis=-1)).astype(jnp.int32)
-
-
 def candidates_from(
-    scenario: Scenario, form: Form, roadmap: Roadmap | None, end: Point, remaining: Float[Array, ""]
+    scenario: Scenario, roadmap: Roadmap | None, end: Point, remaining: Float[Array, ""]
 ) -> tuple[Float[Array, "k 2"], Bool[Array, " k"]]:
     """Where the actions lead to from the end of a leg, and which of them the remaining budget allows.
 
     With waypoints any place is allowed while there is budget; shown are compass points one measurement away.
     """
-    some = remaining > DISTANCE_TOLERANCE
     if roadmap is None:
         angle = jnp.arange(scenario.neighbours) * (2 * jnp.pi / scenario.neighbours)
         step = scenario.measurement_interval * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
         points = jnp.clip(end + step.astype(end.dtype), 0.0, jnp.asarray(scenario.extent, end.dtype))
-        return points, jnp.full(scenario.neighbours, some)
-    node = node_at(roadmap, end)
-    lengths = jnp.asarray(roadmap.distances)[node]
-    within = lengths <= remaining + DISTANCE_TOLERANCE if scenario.last_leg == "stop" else some
-    allowed = jnp.asarray(roadmap.reachable)[node] & within & (lengths > SHORTEST_LEG)
-    return jnp.asarray(roadmap.nodes)[jnp.asarray(roadmap.neighbours)[node]], allowed
+        return points, jnp.full(scenario.neighbours, remaining > SHORTEST_LEG)
+    here = edges_from(roadmap, nearest_node(roadmap, end), remaining, scenario.last_leg)
+    return here.targets, here.allowed
 
 
 def announced_near(scenario: Scenario, targets: Float[Array, "m 2"], told: Bool[Array, " m"], points: Points) -> Vector:
@@ -125,7 +111,7 @@ def view_of(scenario: Scenario, form: Form, observation: Observation, way: Way) 
     )[others]
 
     roadmap = observation.roadmap
-    points, allowed = candidates_from(scenario, form, roadmap, end, observation.remaining)
+    points, allowed = candidates_from(scenario, roadmap, end, observation.remaining)
     allowed = allowed & ~way.full
     there = belief.on(points)
     offset = points - end
@@ -153,7 +139,7 @@ def view_of(scenario: Scenario, form: Form, observation: Observation, way: Way) 
             node_features(nodes, end, mean, std, near, scenario.extent).astype(jnp.float32),
             jnp.asarray(roadmap.neighbours).astype(jnp.int32),
             jnp.asarray(roadmap.reachable),
-            node_at(roadmap, end),
+            nearest_node(roadmap, end),
         )
     # Rounding may carry a number past its bound by a digit, and an overshooting mean further.
     low_high = blocks(scenario)

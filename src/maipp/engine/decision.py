@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 
 from maipp.belief import Belief, Interest, Matern32
 from maipp.problem import Problem
@@ -78,8 +79,8 @@ def option(default: Any = dataclasses.MISSING, *, meaning: str = "") -> Any:
     return eqx.field(static=True, default=default, kw_only=required, metadata={"option": meaning})
 
 
-def _is_problem(node: object) -> bool:
-    return isinstance(node, Problem)
+def _is_scenario(node: object) -> bool:
+    return isinstance(node, Scenario | Problem)
 
 
 class Planner(eqx.Module):
@@ -100,8 +101,8 @@ class Planner(eqx.Module):
     )
 
     def on(self, problem: Problem) -> Any:
-        """The planner for compiled code, with the numbers of this problem in place of its scenario's."""
-        return eqx.tree_at(lambda planner: planner.scenario, self, problem, is_leaf=_is_problem)
+        """The planner, and those that it holds, for compiled code: this problem in place of their scenario."""
+        return jax.tree.map(lambda node: problem if _is_scenario(node) else node, self, is_leaf=_is_scenario)
 
     @property
     def waypoints_per_decision(self) -> int:

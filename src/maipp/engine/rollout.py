@@ -229,7 +229,7 @@ def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep |
     planner = planner.on(jax.tree.map(lambda a: a[0], missions.problem))
     count = batch_size(missions)
     keys = jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(count))
-    capacity = route_capacity(missions.shape, planner)
+    capacity = route_capacity(missions.problem, planner)
     most = _MOST_ROOM * capacity
     states, log = _run_some(planner, missions, None, keys, capacity, keep)
     while capacity < most and (rest := np.flatnonzero(np.asarray(states.full).any(axis=-1))).size:

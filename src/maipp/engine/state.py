@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from maipp.engine.decision import Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
-from maipp.problem import Shape
+from maipp.problem import ScenarioLike
 from maipp.typing import Array, Bool, Float, Int
 
 
@@ -36,20 +36,20 @@ class State(eqx.Module):
     full: Bool[Array, " m"]  # the record has no room for what the agent decided: it waits for more
 
 
-def route_capacity(shape: Shape, planner: Planner) -> int:
+def route_capacity(scenario: ScenarioLike, planner: Planner) -> int:
     """Vertices recorded per agent. Eight decisions per measurement is four times what a roadmap planner usually takes.
 
     A mission that needs more is run on with more. At four, one agent in some 40 missions of ten ran into it: it had
     gone to and fro between two nodes close together.
     """
-    return (8 * shape.slots + 16) * planner.waypoints_per_decision + 1
+    return (8 * scenario.measurements_per_agent + 16) * planner.waypoints_per_decision + 1
 
 
 def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> State:
     """State of an unbatched mission before the first decision: everybody is due at time 0."""
     m, s = mission.shape.agents, mission.shape.slots
     real = mission.start.dtype
-    capacity = capacity or route_capacity(mission.shape, planner)
+    capacity = capacity or route_capacity(mission.problem, planner)
     planner = planner.on(mission.problem)
 
     def per_agent(tree: Any) -> Any:

@@ -5,9 +5,10 @@ from jax import lax
 
 from maipp.engine.decision import Observation
 from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import Edges, current_node, edges, roadmap_of
+from maipp.planners.roadmap_step import edges, roadmap_of
 from maipp.planners.roadmap_ways import lengths_from, lengths_to
 from maipp.problem import ScenarioLike
+from maipp.roadmap import Edges, nearest_node
 from maipp.typing import Array, Bool
 
 # All in measurement intervals. Nodes nearer than the first are passed over where there are others.
@@ -27,7 +28,7 @@ def edges_here(scenario: ScenarioLike, observation: Observation, meeting: Rendez
     without roadmaps.
     """
     roadmap = roadmap_of(observation)
-    node = current_node(roadmap, observation.position)
+    node = nearest_node(roadmap, observation.position)
     here = edges(roadmap, node, observation.remaining, scenario.last_leg, meeting)
     return here._replace(allowed=_leading_on(scenario, observation, here)) if scenario.has_zones else here
 

@@ -14,10 +14,10 @@ from maipp.belief import Belief
 from maipp.planners.lookahead import along_paths, predicted_variance
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import Edges, edges
+from maipp.planners.roadmap_step import edges
 from maipp.policy import Memory, PolicyNetwork, Prepared
 from maipp.problem import ScenarioLike
-from maipp.roadmap import Roadmap
+from maipp.roadmap import Edges, Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Int, Key, Vector
 

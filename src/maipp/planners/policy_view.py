@@ -5,10 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.planners.roadmap_step import Edges
 from maipp.policy import node_features
 from maipp.problem import ScenarioLike, longest_side
-from maipp.roadmap import Roadmap
+from maipp.roadmap import Edges, Roadmap
 from maipp.typing import Array, Bool, Float, Index, Int, Point, Vector
 
 

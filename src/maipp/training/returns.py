@@ -1,4 +1,4 @@
-"""Rewards, advantages and returns of asynchronous agents: each agent's next decision ends its last one."""
+"""Advantages and returns of asynchronous agents: each agent's next decision ends its last one."""
 
 from typing import NamedTuple
 
@@ -6,12 +6,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.engine.reward import final_reward, reward
 from maipp.training.config import TrainConfig
 from maipp.training.rollout import Transition
 from maipp.typing import Array, Bool, Float
-
-# Weight of the final trace in the paper's reward (Yang et al. 2023, Sec. IV-C).
-_FINAL = 0.02
 
 
 class Returns(NamedTuple):
@@ -31,21 +29,6 @@ class _Next(NamedTuple):
     advantage: Float[Array, " m"]
 
 
-def reward(config: TrainConfig, before: Float[Array, "..."], after: Float[Array, "..."]) -> Float[Array, "..."]:
-    """For one decision, from Tr(P) when it was taken to Tr(P) at the agent's next one.
-
-    The drop of log Tr(P), which sums to that of the whole mission; or the paper's relative drop.
-    """
-    if config.reward == "log-trace":
-        return jnp.log(jnp.maximum(before, 1e-3)) - jnp.log(jnp.maximum(after, 1e-3))
-    return (before - after) / jnp.maximum(before, 1e-3)
-
-
-def final_reward(config: TrainConfig, trace: Float[Array, "..."]) -> Float[Array, "..."]:
-    """For the end of an agent's mission: -0.02 Tr(P_f) in the paper, nothing where the rewards sum to it anyway."""
-    return -_FINAL * trace if config.reward == "paper" else jnp.zeros_like(trace)
-
-
 def returns(config: TrainConfig, transitions: Transition, agents: int) -> Returns:
     """Generalised advantage estimates (Schulman et al. 2016), backwards over events with one carry per agent.
 
@@ -58,10 +41,10 @@ def returns(config: TrainConfig, transitions: Transition, agents: int) -> Return
         # Whoever comes later in this slot belongs to another mission.
         after = jax.tree.map(lambda a: jnp.where(ended, jnp.zeros_like(a), a), after)
         known = after.known[agent]
-        gain = reward(config, trace, after.trace[agent]) + config.discount * after.value[agent] - value
+        gain = reward(config.reward, trace, after.trace[agent]) + config.discount * after.value[agent] - value
         advantage = gain + config.discount * config.trace_decay * after.advantage[agent]
         advantage = jnp.where(known & ~stopped, advantage, 0.0)
-        worth = jnp.where(stopped, final_reward(config, trace), value)
+        worth = jnp.where(stopped, final_reward(config.reward, trace), value)
         here = jnp.arange(agents) == agent
         after = _Next(
             known=after.known | here,
