@@ -1,19 +1,18 @@
 """A planner in one file: try some headings, take the step that would lower the uncertainty most."""
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from maipp.belief import extend
+from maipp.engine import Decision, Observation, Planner, option
 from maipp.errors import InputError
 from maipp.planners.lookahead import predicted_trace
-from maipp.engine import Decision, Observation, Planner
 
 
 class BestHeading(Planner):
     """One straight step in the direction with the lowest predicted Tr(P), counting the others' steps as measured."""
 
-    headings: int = eqx.field(static=True, default=16)  # directions tried
-    step: float = eqx.field(static=True, default=0.2)  # how far to go before deciding again, domain units
+    headings: int = option(16, meaning="directions tried")
+    step: float = option(0.2, meaning="how far to go before deciding again, domain units")
 
     def check(self) -> None:
         """Refuse options that make no sense, in one line."""

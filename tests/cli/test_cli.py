@@ -177,7 +177,7 @@ def test_planners_lists_names_and_options(capsys):
     out = capsys.readouterr().out
     assert all(f"{name}  " in out for name in planner_names())
     assert "    lengths: 2 values such as 0.3,0.4 (default 0.3,0.4)" in out
-    assert "    shared: true or false (default true)" in out  # preset by shared-greedy
+    assert "    shared: true or false (default true)  announce the next node" in out  # preset by shared-greedy
     assert main(["planners", "greedi"]) == 2
     assert "did you mean greedy?" in capsys.readouterr().err
 

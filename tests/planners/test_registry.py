@@ -45,11 +45,42 @@ class NotOne:
     pass
 '''
 
+# Options may have any name; what holds arrays, and what is hidden, is none.
+NAMES = """
+import equinox as eqx
+import jax.numpy as jnp
+from maipp.engine import Planner, option
+from maipp.planners.plane_planner import PlanePlanner
+
+class Named(Planner):
+    sweep: int = option(3, meaning="rows swept")
+    network: str = option("wifi")
+    zones: int = option(meaning="how many")
+    waypoints_per_decision: int = option(2)
+    weights: jnp.ndarray = eqx.field(default_factory=lambda: jnp.arange(3.0), kw_only=True)
+    offset: jnp.ndarray | None = None
+    secret: int = eqx.field(static=True, default=7, metadata={"option": False})
+    derived: int = eqx.field(static=True, init=False, default=1)
+
+class Zoned(PlanePlanner):
+    sweep: int = option(1)
+
+class Bare(Planner):
+    table: jnp.ndarray
+    size: int = option(1)
+"""
+
 
 @pytest.fixture
 def still(tmp_path: Path) -> str:
     (tmp_path / "still.py").write_text(PLANNER, encoding="utf-8")
     return f"{tmp_path / 'still.py'}:Still"
+
+
+@pytest.fixture
+def names(tmp_path: Path) -> str:
+    (tmp_path / "names.py").write_text(NAMES, encoding="utf-8")
+    return f"{tmp_path / 'names.py'}:"
 
 
 @pytest.fixture
@@ -144,6 +175,43 @@ def test_a_bad_option_says_on_one_line_what_would_be_right(still, option, text, 
     with pytest.raises(InputError) as error:
         make_planner(still, SCENARIO, {option: text})
     assert right in str(error.value) and option in str(error.value) and "\n" not in str(error.value)
+
+
+def test_an_option_may_have_any_name(names):
+    planner = make_planner(names + "Named", SCENARIO, {"sweep": "5", "network": "lora", "zones": "2"})
+    assert (planner.sweep, planner.network, planner.zones) == (5, "lora", 2)  # type: ignore[attr-defined]
+    assert planner.waypoints_per_decision == 2
+    assert make_planner(names + "Zoned", SCENARIO, {"sweep": "5"}).sweep == 5  # type: ignore[attr-defined]
+
+
+def test_arrays_and_hidden_fields_are_no_options(names):
+    described = [(option.name, option.meaning) for option in planner_options(names + "Named")]
+    assert described == [
+        ("sweep", "rows swept"),
+        ("network", ""),
+        ("zones", "how many"),
+        ("waypoints_per_decision", ""),
+    ]
+    assert [option.name for option in planner_options(names + "Zoned")] == ["sweep"]
+    for name in ("weights", "offset", "secret", "derived", "scenario"):
+        with pytest.raises(InputError, match=f"no option '{name}'"):
+            make_planner(names + "Named", SCENARIO, {"zones": "1", name: "1"})
+
+
+def test_an_option_without_a_default_must_be_given(names):
+    with pytest.raises(InputError, match="zones has no default; give a whole number"):
+        make_planner(names + "Named", SCENARIO)
+
+
+def test_a_field_that_is_no_option_and_has_no_default_is_told(names):
+    with pytest.raises(InputError, match="'table'; give the field a default, or make it an option"):
+        make_planner(names + "Bare", SCENARIO)
+
+
+def test_every_option_says_what_it_means():
+    for name in planner_names():
+        for option in planner_options(name):
+            assert option.meaning, f"{name}: {option.name}"
 
 
 @given(st.text())

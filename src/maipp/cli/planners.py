@@ -27,7 +27,8 @@ def run(flags: Planners) -> int:
         console.print(f"  {planner_summary(name)}")
         for option in options:
             default = "" if option.default is dataclasses.MISSING else f" (default {_typed(option.default)})"
-            console.print(f"    {option.name}: {option.allowed}{default}")
+            meaning = f"  {option.meaning}" if option.meaning else ""
+            console.print(f"    {option.name}: {option.allowed}{default}{meaning}")
     return 0
 
 

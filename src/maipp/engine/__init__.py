@@ -1,6 +1,6 @@
 """The one way from an arrival to the next leg: missions, events, batches of them, scores and records."""
 
-from maipp.engine.decision import Decision, Observation, Planner
+from maipp.engine.decision import Decision, Observation, Planner, option
 from maipp.engine.mission import Mission, draw_missions
 from maipp.engine.rollout import run_missions
 from maipp.engine.state import State, reset
@@ -12,6 +12,7 @@ __all__ = [
     "Planner",
     "State",
     "draw_missions",
+    "option",
     "reset",
     "run_missions",
 ]

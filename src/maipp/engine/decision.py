@@ -1,5 +1,6 @@
 """What a planner sees, what it answers, and the protocol between it and the engine."""
 
+import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -44,6 +45,16 @@ class Decision(eqx.Module):
     stop: Bool[Array, ""] | bool = False  # True ends this agent's mission here
 
 
+def option(default: Any = dataclasses.MISSING, *, meaning: str = "") -> Any:
+    """A static field of a planner that users may set by its name, with what it means on one line.
+
+    Text is read by the field's annotation: `bool`, `int`, `float`, `str`, a tuple of these, a `Literal`, or one of them
+    `| None`. Without a default the option must be given, by keyword.
+    """
+    required = default is dataclasses.MISSING
+    return eqx.field(static=True, default=default, kw_only=required, metadata={"option": meaning})
+
+
 class Planner(eqx.Module):
     """Base of every planner: a pytree whose options are static and whose weights, if any, are arrays.
 
@@ -51,7 +62,7 @@ class Planner(eqx.Module):
     traceable by JAX; `decide` is compiled once and vmapped over missions.
     """
 
-    scenario: Scenario = eqx.field(static=True)
+    scenario: Scenario = eqx.field(static=True, metadata={"option": False})
 
     uses_roadmap: ClassVar[bool] = False  # draw a roadmap for every agent
     avoids_obstacles: ClassVar[bool] = (

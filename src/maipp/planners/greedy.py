@@ -1,9 +1,8 @@
 """`greedy` and `shared-greedy`: the neighbour whose measurement would lower Tr(P) most."""
 
-import equinox as eqx
 import jax.numpy as jnp
 
-from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted_trace
 from maipp.planners.told import count_told
@@ -16,7 +15,7 @@ class Greedy(Planner):
     With `shared=True` every agent announces the node it is heading to, and the others count it as measured.
     """
 
-    shared: bool = eqx.field(static=True, default=False)
+    shared: bool = option(False, meaning="announce the next node, and count the others' as measured")
 
     uses_roadmap = True
     avoids_obstacles = True

@@ -6,12 +6,11 @@ Source: Yang et al. 2023, Sec. IV-B (intent), IV-C (policy), V (DI, TI and TI*).
 import dataclasses
 from typing import Literal, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
 from maipp.planners.policy_paths import Paths, Situation
@@ -37,20 +36,23 @@ class Recollection(NamedTuple):
 class IntentPlanner(PolicyPlanner):
     """Samples `paths` trajectories of `steps` nodes from the policy, and tells the others a Gaussian fitted to them."""
 
-    paths: int = eqx.field(static=True, default=8)  # trajectories sampled per decision: a
-    steps: int = eqx.field(static=True, default=5)  # nodes of each: j
-    distinct: bool = eqx.field(static=True, default=False)  # the paths' first steps differ, as far as they can
-    # Told of each path: all its nodes (TI), or its last one (DI).
-    intent: Literal["trajectory", "destination"] = eqx.field(static=True, default="trajectory")
-    choose: Literal["likeliest", "sample", "best"] = eqx.field(static=True, default="likeliest")  # the next node
-    mode: Literal["encode-once", "reencode"] = eqx.field(static=True, default="encode-once")  # of virtual steps
-    # What paths are ranked by: Tr(P) predicted with the others stationary, with their intents, or expected with both.
-    rank: Literal["expected", "intents", "stationary"] = eqx.field(static=True, default="intents")
-    spread: float = eqx.field(static=True, default=0.3)  # trust in the belief's spread of values not yet measured
-    share: Literal["samples", "best"] = eqx.field(static=True, default="samples")  # paths the intent is fitted to
-    listen: bool = eqx.field(static=True, default=True)  # False: as if no intent were heard
-    keep: bool = eqx.field(static=True, default=False)  # what is left of the last best path competes again
-    recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on the last intent heard
+    paths: int = option(8, meaning="trajectories sampled per decision: a")
+    steps: int = option(5, meaning="nodes of each path: j")
+    distinct: bool = option(False, meaning="the paths' first steps differ, as far as they can")
+    intent: Literal["trajectory", "destination"] = option(
+        "trajectory", meaning="told of each path: all its nodes (TI), or its last one (DI)"
+    )
+    choose: Literal["likeliest", "sample", "best"] = option("likeliest", meaning="the next node")
+    mode: Literal["encode-once", "reencode"] = option("encode-once", meaning="how the network sees virtual steps")
+    rank: Literal["expected", "intents", "stationary"] = option(
+        "intents",
+        meaning="paths by Tr(P) predicted with the others stationary, with their intents, or expected with both",
+    )
+    spread: float = option(0.3, meaning="trust in the belief's spread of values not yet measured")
+    share: Literal["samples", "best"] = option("samples", meaning="paths the intent is fitted to")
+    listen: bool = option(True, meaning="False: as if no intent were heard")
+    keep: bool = option(False, meaning="what is left of the last best path competes again")
+    recall: bool = option(True, meaning="of agents out of range, count on the last intent heard")
 
     def check(self) -> None:
         """Raise InputError for options out of range."""

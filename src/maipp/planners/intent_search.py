@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
@@ -36,11 +36,11 @@ class IntentSearch(PolicyPlanner, LegPlanner):
     Agents tell each other where and when they mean to measure; the intent that the policy is shown is fitted to that.
     """
 
-    weights: str = eqx.field(static=True, default="ti")  # shipped weights, a .safetensors file, or untrained
-    paths: int = eqx.field(static=True, default=16)  # trajectories sampled from the policy per decision
-    nodes: int = eqx.field(static=True, default=6)  # nodes of each
-    candidates: int = eqx.field(static=True, default=96)  # random plans scored
-    distinct: bool = eqx.field(static=True, default=True)  # the paths' first steps differ, as far as they can
+    weights: str = option("ti", meaning="shipped weights, a .safetensors file, or untrained")
+    paths: int = option(16, meaning="trajectories sampled from the policy per decision")
+    nodes: int = option(6, meaning="nodes of each path")
+    candidates: int = option(96, meaning="random plans scored")
+    distinct: bool = option(True, meaning="the paths' first steps differ, as far as they can")
 
     def __post_init__(self) -> None:
         PolicyPlanner.__post_init__(self)

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.detour import TURNS, waypoints, ways_from
 from maipp.planners.plane_planner import PlanePlanner
@@ -21,8 +21,8 @@ class Lawnmower(PlanePlanner):
     are clipped to what is free, agents go from piece to piece by the shortest way, and then on to the others' strips.
     """
 
-    rows: int = eqx.field(static=True, default=0)  # rows per strip; 0 chooses by the budget
-    margin: float = eqx.field(static=True, default=-1.0)  # row ends to strip sides, per strip width; < 0 by the budget
+    rows: int = option(0, meaning="rows per strip; 0 chooses by the budget")
+    margin: float = option(-1.0, meaning="row ends to strip sides, per strip width; < 0 by the budget")
 
     sweep: Sweep | None = eqx.field(default=None, kw_only=True)  # where there are no-go zones: what is left of the rows
 

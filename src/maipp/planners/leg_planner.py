@@ -1,13 +1,12 @@
 """Planning one agent's next legs: what every continuous receding-horizon planner does."""
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 from jax.scipy.special import ndtr
 
 from maipp.belief import Belief
 from maipp.belief.interest import upper_confidence_bound
-from maipp.engine.decision import Observation
+from maipp.engine.decision import Observation, option
 from maipp.errors import InputError
 from maipp.planners.detour import long_run
 from maipp.planners.first_leg import FirstLeg, depart, either, length
@@ -53,17 +52,17 @@ _SHORT = 0.5
 class LegPlanner(PlanePlanner):
     """Finds the legs, one measurement each, with the lowest expected Tr(P)."""
 
-    horizon: int | None = eqx.field(static=True, default=None)  # legs planned; None: by the number of agents
-    decisions: int | None = eqx.field(static=True, default=None)  # per leg; None: by the number of agents
-    candidates: int = eqx.field(static=True, default=128)  # random plans scored
-    elites: int = eqx.field(static=True, default=8)  # of them refined by gradient
-    steps: int = eqx.field(static=True, default=20)  # gradient steps
-    rate: float = eqx.field(static=True, default=0.2)  # first gradient step, radians or legs
-    spread: float | None = eqx.field(static=True, default=None)  # trust in the spread of values not yet measured
-    blur: float = eqx.field(static=True, default=0.005)  # smoothing of the area's border, field units
-    points: int = eqx.field(static=True, default=225)  # grid points that the search looks at
-    meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
-    recall: bool = eqx.field(static=True, default=True)  # of agents out of range, count on what was last heard
+    horizon: int | None = option(None, meaning="legs planned; None: by the number of agents")
+    decisions: int | None = option(None, meaning="times that the agent plans per leg; None: by the number of agents")
+    candidates: int = option(128, meaning="random plans scored")
+    elites: int = option(8, meaning="best of them, refined by gradient")
+    steps: int = option(20, meaning="gradient steps")
+    rate: float = option(0.2, meaning="first gradient step, radians or legs")
+    spread: float | None = option(None, meaning="trust in the spread of values not yet measured")
+    blur: float = option(0.005, meaning="smoothing of the area's border, field units")
+    points: int = option(225, meaning="grid points that the search looks at")
+    meet: bool = option(True, meaning="with limited communication: end where the others end")
+    recall: bool = option(True, meaning="of agents out of range, count on what was last heard")
 
     def check(self) -> None:
         """Raise InputError for options out of range."""

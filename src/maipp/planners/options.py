@@ -1,4 +1,4 @@
-"""Options of a planner: the fields of its class, read from text by their annotations."""
+"""Options of a planner: the static fields of its class, read from text by their annotations."""
 
 import dataclasses
 import difflib
@@ -9,9 +9,6 @@ from typing import Any, Literal, NamedTuple, Union
 
 from maipp.errors import InputError
 from maipp.scenario_checks import show
-
-# Fields of every planner that are not options: what it plans for, and the shape of what it answers.
-_NOT_OPTIONS = ("scenario", "waypoints_per_decision", "network", "zones", "sweep")
 
 _TRUE, _FALSE, _NONE = ("true", "yes", "on", "1"), ("false", "no", "off", "0"), ("none", "null")
 
@@ -25,6 +22,7 @@ class PlannerOption(NamedTuple):
     name: str
     annotation: Any  # the field's type
     default: Any  # `dataclasses.MISSING` where the option must be given
+    meaning: str = ""  # on one line
 
     @property
     def allowed(self) -> str:
@@ -37,20 +35,29 @@ class _BadValueError(Exception):
 
 
 def options_of(planner: type, presets: Mapping[str, Any] | None = None) -> tuple[PlannerOption, ...]:
-    """The options of a planner class, with the presets in place of its own defaults."""
+    """The options of a class, with the presets in place of its own defaults.
+
+    Those of a planner are its static fields, whether made by `maipp.engine.option` or by `eqx.field(static=True)`;
+    arrays and what holds them never are. Those of a plain dataclass are all of its fields. `metadata={"option": False}`
+    makes a field none.
+    """
+    import equinox as eqx  # imports JAX, which the registry must not
+
     presets = presets or {}
+    is_plain = not issubclass(planner, eqx.Module)
     try:
         annotations = typing.get_type_hints(planner)
     except (NameError, TypeError):  # a name that only a type checker knows: fall back on what the fields hold
         annotations = {}
     options = []
     for field in dataclasses.fields(planner):  # type: ignore[arg-type]  # equinox modules are dataclasses
-        if field.init and field.name not in _NOT_OPTIONS:
+        meaning = field.metadata.get("option", "")
+        if field.init and meaning is not False and (is_plain or field.metadata.get("static", False)):
             default = field.default
             if default is dataclasses.MISSING and field.default_factory is not dataclasses.MISSING:
                 default = field.default_factory()
             annotation = annotations.get(field.name, field.type)
-            options.append(PlannerOption(field.name, annotation, presets.get(field.name, default)))
+            options.append(PlannerOption(field.name, annotation, presets.get(field.name, default), meaning))
     return tuple(options)
 
 

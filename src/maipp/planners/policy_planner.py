@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted
@@ -53,9 +52,9 @@ class Choice(NamedTuple):
 class PolicyPlanner(Planner):
     """Base of the planners that ask a policy network."""
 
-    weights: str = eqx.field(static=True, default="ti")  # shipped weights, a .safetensors file, or untrained
-    temperature: float = eqx.field(static=True, default=1.0)  # of the softmax that steps are sampled from
-    meet: bool = eqx.field(static=True, default=True)  # with limited communication: end where the others end
+    weights: str = option("ti", meaning="shipped weights, a .safetensors file, or untrained")
+    temperature: float = option(1.0, meaning="of the softmax that steps are sampled from")
+    meet: bool = option(True, meaning="with limited communication: end where the others end")
     network: PolicyNetwork | None = None  # the network itself, from Python; None: as `weights` says
 
     uses_roadmap = True

@@ -2,11 +2,10 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
@@ -39,8 +38,8 @@ class RecedingHorizon(LegPlanner):
     `joint=True` it plans the legs of the whole team together, for comparison: not a method for the field.
     """
 
-    joint: bool = eqx.field(static=True, default=False)  # plan all agents' legs together
-    sweeps: int = eqx.field(static=True, default=2)  # joint: times each agent's plan is optimised given the others'
+    joint: bool = option(False, meaning="plan all agents' legs together")
+    sweeps: int = option(2, meaning="joint: times each agent's plan is optimised given the others'")
 
     @property
     def waypoints_per_decision(self) -> int:

@@ -118,6 +118,10 @@ def make_planner(
     where = f"planner {name}"
     values = read_options(kind, options or {}, find_planner(name).presets, where=where)
     try:
+        inspect.signature(kind).bind(scenario, **values)
+    except TypeError as error:  # fields that are no options, without defaults
+        raise InputError(f"{where}: {error}; give the field a default, or make it an option") from None
+    try:
         planner = kind(scenario, **values)
         check = getattr(planner, "check", None)
         if check is not None:

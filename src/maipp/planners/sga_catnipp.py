@@ -5,12 +5,11 @@ Source: Cao et al. 2022 (CAtNIPP); Yang et al. 2023, Sec. V (sequential greedy a
 
 from typing import Literal
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.planners.told import count_told
@@ -20,8 +19,8 @@ from maipp.typing import Key
 class SgaCatnipp(PolicyPlanner):
     """Moves by a policy that knows no intents, on a belief in which the announced next nodes count as measured."""
 
-    weights: str = eqx.field(static=True, default="sga-catnipp")
-    choose: Literal["likeliest", "sample"] = eqx.field(static=True, default="likeliest")  # the next node
+    weights: str = option("sga-catnipp", meaning="shipped weights, a .safetensors file, or untrained")
+    choose: Literal["likeliest", "sample"] = option("likeliest", meaning="the next node")
 
     def empty_message(self) -> PyTree:
         """The announced next node: position (2,), NaN before the first decision."""

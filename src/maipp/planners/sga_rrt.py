@@ -4,13 +4,12 @@ import math
 from functools import partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, PyTree
+from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.detour import long_run
@@ -111,10 +110,10 @@ class SgaRrt(PlanePlanner):
     Agents plan in sequence: each counts the measurements that the others have announced on their planned paths.
     """
 
-    lengths: tuple[float, float] = eqx.field(static=True, default=(0.3, 0.4))  # inclusive, domain units
-    nodes: int = eqx.field(static=True, default=90)  # of the tree, root included
-    branch: float = eqx.field(static=True, default=0.1)  # edge length, domain units
-    execute: float = eqx.field(static=True, default=0.2)  # part of the path travelled before replanning
+    lengths: tuple[float, float] = option((0.3, 0.4), meaning="shortest and longest path, domain units")
+    nodes: int = option(90, meaning="of the tree, root included")
+    branch: float = option(0.1, meaning="edge length, domain units")
+    execute: float = option(0.2, meaning="part of the path travelled before replanning")
 
     def check(self) -> None:
         """Raise InputError for options that make no tree or no path."""
