@@ -25,6 +25,7 @@ from maipp.fields.raster import Raster, load_raster
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 from maipp.typing import Float, Key
 
 # Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose. At
@@ -116,11 +117,10 @@ def evaluate(
     `longest_budget` compiles for that budget, so that evaluations that differ in their budget alone share one
     compilation: the numbers stay what they are up to rounding, short missions take longer. Only for planners that read
     their budget from the observation; one that reads the scenario's would plan for the longest.
-    Raises `InputError` for an unknown planner, a bad option, or a count below one.
+    Raises `InputError` for an unknown planner, a bad option, a seed out of range, or a count below one.
     """
     _check_counts(instances=instances, trials=trials)
-    if seed < 0:
-        raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
+    check_seed(seed)
     begun = time.perf_counter()
     scenario, field = _with_field(scenario)
     shapes = scenario if longest_budget is None else scenario.replace(budget=longest_budget)

@@ -17,6 +17,7 @@ from maipp.cli.options import PlannerFlags
 from maipp.errors import InputError
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 INTERRUPTED = 130
 
@@ -49,6 +50,7 @@ class Evaluate(PlannerFlags):
 
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
+    check_seed(flags.seed, "--seed")
     rows = _rows(flags)
     to_file = flags.json not in (None, "-")
     if to_file:

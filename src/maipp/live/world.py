@@ -17,6 +17,7 @@ from maipp.errors import InputError
 from maipp.live.units import Units
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 from maipp.typing import Array, Bool, Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -121,4 +122,4 @@ def make_setup(
         raise InputError(f"robots: {len(set(robots))} different names; give {planner.scenario.agents}, one per agent")
     prior_x, prior_y = (np.zeros((0, 2)), np.zeros(0)) if prior is None else prior
     room = int(_RESERVE * planner.scenario.measurements) + len(prior_y)
-    return Setup(name, dict(options or {}), seed, tuple(robots), room, units, prior_x, prior_y)
+    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, prior_x, prior_y)
