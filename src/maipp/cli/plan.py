@@ -120,7 +120,7 @@ def survey(
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with (
-        staged_folder(out) as stage,
+        staged_folder(out, gone=_ONLY_SOMETIMES) as stage,
         Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar,
     ):
         task = bar.add_task(_STEPS[0], total=len(_STEPS))
@@ -135,8 +135,6 @@ def survey(
         episode, told = _simulate(scenario, planner, built, options, seed, field, advance)
         _write_files(episode, told, stage, advance, drawn if animation else None)
         names = sorted(path.name for path in stage.iterdir())
-    for name in set(_ONLY_SOMETIMES) - set(names):
-        (out / name).unlink(missing_ok=True)  # of an earlier survey
     return episode, [out / name for name in names]
 
 

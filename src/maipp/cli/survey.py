@@ -23,6 +23,8 @@ if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.surveys.standardise import PreparedSurvey
     from maipp.surveys.survey import Survey as MissionFile
 
+_ONLY_SOMETIMES = ("kernel.png", "report.html")  # among the files of a planned survey
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -133,7 +135,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
-    with Console(stderr=True).status("planning"), staged_folder(flags.out) as stage:
+    with Console(stderr=True).status("planning"), staged_folder(flags.out, gone=_ONLY_SOMETIMES) as stage:
         expected = expected_course(prepared, seed=flags.seed)
         plan = route_plan(prepared, expected.episode)
         written = _write_files(prepared, expected, plan, stage)
