@@ -118,7 +118,19 @@ def test_waypoints_are_refused_where_there_are_no_go_zones(small):
         surveys.env(small.replace(obstacles=(zone,)), actions="waypoint")
 
 
-@pytest.mark.parametrize("seed", [-1, 2**31])
-def test_seeds_out_of_range_are_refused(small, seed):
-    with pytest.raises(InputError, match="give a whole number from 0 to 2147483647"):
-        surveys.aec_env(small).reset(seed=seed)
+@pytest.mark.parametrize("make", [surveys.aec_env, surveys.parallel_env])
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_seeds_out_of_range_are_refused(small, make, seed):
+    with pytest.raises(InputError, match="give a whole number from 0 to 4294967295"):
+        make(small).reset(seed=seed)
+
+
+@pytest.mark.parametrize("make", [surveys.aec_env, surveys.parallel_env])
+@pytest.mark.parametrize("seed", [3_000_000_000, 2**32 - 1])
+def test_large_seeds_are_worlds_of_their_own(small, make, seed):
+    starts = []
+    for given in (seed, seed, seed - 2**31):
+        env = make(small)
+        env.reset(seed=given)
+        starts.append(np.asarray(env.unwrapped._mission.start))
+    assert (starts[0] == starts[1]).all() and (starts[0] != starts[2]).any()

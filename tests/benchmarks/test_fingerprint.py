@@ -1,16 +1,20 @@
 """A fingerprint changes with what decides the numbers, and with nothing else."""
 
 import dataclasses
+import importlib.metadata
 import json
+import sys
 
 import equinox as eqx
 import jax
 import pytest
 
-from maipp.benchmarks import fingerprint
+from maipp.benchmarks import fingerprint, source_code
 from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.fingerprint import code_digest, planner_fingerprint, weights_digest
+from maipp.benchmarks.source_code import user_code
 from maipp.benchmarks.table_rows import Row
+from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
@@ -47,7 +51,9 @@ def test_options_spelled_out_or_left_at_their_defaults_are_the_same():
 
 def test_it_is_plain_json_and_names_the_versions():
     assert json.loads(json.dumps(CELL.made_by)) == CELL.made_by
-    assert {"maipp", "jax", "python"} <= CELL.made_by["versions"].keys()
+    versions = CELL.made_by["versions"]
+    assert {"python", "maipp", "jax", "jaxlib", "numpy", "scipy", "shapely", "optax"} <= versions.keys()
+    assert versions.keys().isdisjoint({"rich", "matplotlib", "pytest"})
     assert CELL.made_by["weights"] == "" and CELL.made_by["file"] == ""
 
 
@@ -65,11 +71,12 @@ def package(tmp_path, monkeypatch):
     for name, text in files.items():
         (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
 
-    def source(name):
+    def file(name):
         path = tmp_path / f"{name}.py"
         return path if path.exists() else None
 
-    monkeypatch.setattr(fingerprint, "_source", source)
+    for module in (fingerprint, source_code):
+        monkeypatch.setattr(module, "module_file", file)
     return tmp_path
 
 
@@ -102,3 +109,106 @@ def test_the_engine_and_the_planner_count_and_other_planners_do_not():
     digests = {name: planner_fingerprint(make_planner(name, Scenario()))["code"] for name in ("greedy", "random")}
     assert digests["greedy"] != digests["random"]
     assert code_digest(("maipp.engine.rollout",)) != code_digest(("maipp.engine.rollout", "maipp.planners.greedy"))
+
+
+def test_every_library_that_numbers_come_from_counts(monkeypatch):
+    before, version = planner_fingerprint(make_planner("random", Scenario())), importlib.metadata.version
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "9" if name == "shapely" else version(name))
+    after = planner_fingerprint(make_planner("random", Scenario()))
+    assert after != before and after["versions"]["shapely"] == "9"
+
+
+# Planners of one's own.
+
+PLANNER = """
+import {tag}helper
+from maipp.engine import Decision, Planner
+{line}
+class Own(Planner):
+    def decide(self, key, observation, memory):
+        import {tag}lazy.inner
+        return Decision(observation.position[None], (), memory)
+"""
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A planner in a file, with helpers beside it; gives its fingerprint."""
+    tag = f"{tmp_path.name}_".replace("-", "_")  # modules are imported once in a process
+    monkeypatch.syspath_prepend(str(tmp_path))
+    files = {"planner.py": PLANNER.format(tag=tag, line=""), f"{tag}helper.py": f"from {tag}deeper import f\n"}
+    files |= {f"{tag}deeper.py": "def f():\n    return 1\n", f"{tag}other.py": "x = 1\n"}
+    files |= {f"{tag}lazy/__init__.py": "x = 1\n", f"{tag}lazy/inner.py": "from . import beside\n"}
+    files |= {f"{tag}lazy/beside.py": "from ..none import x\n", f"{tag}lazy/apart.py": "x = 1\n"}
+
+    def write(name, text):
+        path = tmp_path / name.replace("TAG", tag)
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+    for name, text in files.items():
+        write(name, text)
+    planner = make_planner(f"{tmp_path / 'planner.py'}:Own", Scenario())
+    write.fingerprint = lambda: planner_fingerprint(planner)
+    write.planner = lambda line: write("planner.py", PLANNER.format(tag=tag, line=line))
+    return write
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "counts"),
+    [
+        ("TAGdeeper.py", "def f():\n    return 2\n", True),
+        ("TAGdeeper.py", "def f():\n    'Words.'\n    return 1  # why\n", False),
+        ("TAGlazy/__init__.py", "x = 2\n", True),
+        ("TAGlazy/inner.py", "from . import apart\n", True),
+        ("TAGlazy/beside.py", "x = 2\n", True),
+        ("TAGlazy/apart.py", "x = 2\n", False),
+        ("TAGother.py", "x = 2\n", False),
+    ],
+)
+def test_what_a_planner_of_ones_own_imports_counts(own, name, text, counts):
+    before = own.fingerprint()
+    own(name, text)
+    after = own.fingerprint()
+    assert (after["file"] != before["file"]) is counts and after | {"file": ""} == before | {"file": ""}
+
+
+def test_what_it_imports_of_maipp_and_of_libraries_counts(own):
+    before = own.fingerprint()
+    own.planner("from maipp.planners.lookahead import predicted_trace")
+    assert own.fingerprint()["code"] != before["code"]
+    own.planner("import hypothesis.strategies, json")
+    after = own.fingerprint()["versions"]
+    assert after == before["versions"] | {"hypothesis": importlib.metadata.version("hypothesis")}
+
+
+def test_a_package_counts_with_its_bases_and_what_they_import(tmp_path, monkeypatch):
+    files = {
+        "__init__": "",
+        "tools": "x = 1\n",
+        "base": "from maipp.engine import Planner\nfrom .tools import x\nclass Base(Planner):\n    pass\n",
+        "sub.__init__": "",
+        "sub.mine": "from ..base import Base\nclass Mine(Base):\n    pass\n",
+    }
+    for name, text in files.items():
+        path = tmp_path / "surveyors" / f"{name.replace('.', '/')}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    # As where the package is installed.
+    monkeypatch.setattr(source_code, "_installed", lambda: {"surveyors": ["surveyors"], "equinox": ["equinox"]})
+    planner = make_planner("surveyors.sub.mine:Mine", Scenario())
+    found = user_code(type(planner))
+    assert set(found.own) == {f"surveyors{name}" for name in ("", ".sub", ".sub.mine", ".base", ".tools")}
+    before = planner_fingerprint(planner)
+    (tmp_path / "surveyors" / "tools.py").write_text("x = 2\n", encoding="utf-8")
+    assert planner_fingerprint(planner) != before
+    for name in [name for name in sys.modules if name.startswith("surveyors")]:
+        del sys.modules[name]
+
+
+def test_code_without_a_file_is_refused():
+    namespace = {"__name__": "nowhere"}
+    exec("from maipp.engine import Planner\nclass Typed(Planner):\n    pass\n", namespace)
+    with pytest.raises(InputError, match="Typed: its code has no file"):
+        planner_fingerprint(namespace["Typed"](Scenario()))  # type: ignore[operator]

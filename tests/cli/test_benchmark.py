@@ -15,12 +15,12 @@ def devices_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
     ("arguments", "problem"),
     [
         (["figures", "--instances", "0"], "--instances: 0 is not a number of instances"),
-        (["figures", "--seed", "-1"], "--seed: -1 is negative"),
+        (["figures", "--seed", "-1"], "--seed: -1 is no seed"),
         (["figures", "--budget", "0.4"], "--budget: 0.4 ends before"),
         (["figures", "--planners", "gredy"], "--planners: no row 'gredy' (did you mean greedy?)"),
         (["latency", "--decisions", "0"], "--decisions: 0 is not"),
         (["latency", "--batch", "0"], "--batch: 0 is not"),
-        (["latency", "--seed", "-1"], "--seed: -1 is negative"),
+        (["latency", "--seed", "-1"], "--seed: -1 is no seed"),
         (["latency", "--agents", "0"], "scenario.agents: 0 is not a number of agents"),
     ],
 )

@@ -89,7 +89,7 @@ def test_an_interrupt_is_told_and_gone_on_from(tmp_path, capsys, monkeypatch):
         (["--reference", "nobody"], "error: --reference: no row 'nobody'"),
         (["--quick", "--trials", "3"], "error: --quick: is 30 instances x 1 trial"),
         (["--instances", "0"], "error: --instances: 0 is not a number of instances"),
-        (["--seed", "-1"], "error: --seed: -1 is negative"),
+        (["--seed", "-1"], "error: --seed: -1 is no seed"),
         (["--processes", "2"], "error: --process-id and --processes: only one is given"),
         (["--workers", "-1"], "error: --workers: -1 is negative"),
         (["--process-id", "2", "--processes", "2"], "error: --process-id: 2 is none of 2"),

@@ -64,7 +64,7 @@ def test_a_mission_is_served_in_its_own_units(live):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--seed", "-1"], "--seed: -1 is out of range"),
+        (["--seed", "-1"], "--seed: -1 is no seed"),
         (["--planner", "gredy"], "gredy"),
         (["--planner", "greedy", "--set", "horizon=3"], "horizon"),
         (["--set", "horizon"], "--set horizon: not an assignment"),

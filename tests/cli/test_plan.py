@@ -138,7 +138,7 @@ def test_an_interrupted_survey_leaves_nothing(tmp_path, monkeypatch):
     [
         ({"invert": True}, "--invert: .* give --field FILE"),
         ({"corners": CORNERS}, "--corners: .* give --field FILE"),
-        ({"seed": -1}, "--seed: -1 is out of range"),
+        ({"seed": -1}, "--seed: -1 is no seed"),
         ({"seed": 10**20}, "--seed: 1000"),
         ({"start": (2.0, 0.5)}, r"start: \(2.0, 0.5\) is outside the domain"),
         ({"planner": "no-such"}, "no planner 'no-such'"),

@@ -90,7 +90,7 @@ def test_a_rehearsal_leaves_a_report(mission, capsys):
     [
         ([], "no mission file; give one"),
         (["nowhere.yaml"], "nowhere.yaml: cannot read the mission"),
-        (["MISSION", "--seed", "-1"], "--seed: -1 is out of range"),
+        (["MISSION", "--seed", "-1"], "--seed: -1 is no seed"),
         (["MISSION", "--robots", "1..2"], "--robots: says what to rehearse; add --rehearse"),
         (["MISSION", "--rehearse", "--planner", "greedy"], "--planner: a rehearsal may have several"),
         (["MISSION", "--rehearse", "--fields", "0"], "--fields: 0 is not a number of fields"),

@@ -100,7 +100,7 @@ def test_zones_come_in_every_form(area, count):
         (("measurement_spacing_m: 100\n", ""), "m.yaml: measurement_spacing_m: missing"),
         (("[[4, 52], [4.1, 52], [4.1, 52.1]]", "nowhere.geojson"), "m.yaml:1: area: no file nowhere.geojson"),
         (("[[4, 52], [4.1, 52], [4.1, 52.1]]", "3"), "m.yaml:1: area: 3 is not a GeoJSON file"),
-        (("", "seed: -1\n"), "m.yaml:5: seed: -1 is not a whole number >= 0"),
+        (("", "seed: -1\n"), "m.yaml:5: seed: -1 is not a whole number from 0 to 4294967295"),
         (("", "below: true\n"), "m.yaml:5: below: says on which side"),
         (
             ("", "kernel: {lenght_scale: 3}\n"),

@@ -66,7 +66,7 @@ def test_values_are_overridden():
         (["seed=1", "seed=2"], "--set seed: given twice"),
         (["sed=1"], "--set: no option 'sed' \\(did you mean seed\\?\\)"),
         (["seed=x"], "--set: seed: 'x' does not fit; give a whole number"),
-        (["seed=-1"], "--set: seed: -1 is negative"),
+        (["seed=-1"], "--set: seed: -1 is no seed; give a whole number from 0 to 3294967295"),
     ],
 )
 def test_a_wrong_override_is_named(items, says):

@@ -19,10 +19,11 @@ from maipp.engine.state import State, route_capacity
 from maipp.errors import InputError
 from maipp.roadmap import SHORTEST_LEG
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 
-_LARGEST_SEED = 2**31 - 1  # what a world's key takes at JAX's default precision
+_DRAWN_SEEDS = 2**31 - 1  # below this are the seeds of the worlds that follow a given one
 
 _for_decision, _for_end = (jax.jit(function, static_argnums=0) for function in (reward, final_reward))
 
@@ -85,11 +86,9 @@ class Survey:
     def _fresh(self, seed: int | None) -> Mission:
         """A new world. Seed s is the first of `draw_missions(scenario, seed=s)`, and decides those that follow."""
         if seed is None:
-            seed = int(self._seeds.integers(_LARGEST_SEED))
-        elif not 0 <= seed <= _LARGEST_SEED:
-            raise InputError(f"seed={seed}: give a whole number from 0 to {_LARGEST_SEED}")
+            seed = int(self._seeds.integers(_DRAWN_SEEDS))
         else:
-            self._seeds = np.random.default_rng(seed)
+            self._seeds = np.random.default_rng(check_seed(seed))
         roadmaps = self.form.actions == "neighbour"
         self._seed = seed
         self._missions = draw_missions(self.scenario, seed=seed, instances=1, roadmaps=roadmaps, field=self._field)

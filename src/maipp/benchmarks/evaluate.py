@@ -26,6 +26,7 @@ from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.problem import Shape, params_of, shape_of
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 from maipp.typing import Float, Key
 
 # Blocks (missions that all devices step at once) between two calls of `progress`: what an interrupt can lose. At
@@ -116,11 +117,10 @@ def evaluate(
 
     `shape` is one that several evaluations share (`shape_of`), which are then compiled once: the numbers stay what they
     are up to rounding, missions with budgets below the largest take somewhat longer.
-    Raises `InputError` for an unknown planner, a bad option, or a count below one.
+    Raises `InputError` for an unknown planner, a bad option, a seed out of range, or a count below one.
     """
     _check_counts(instances=instances, trials=trials)
-    if seed < 0:
-        raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
+    check_seed(seed)
     begun = time.perf_counter()
     scenario, field = _with_field(scenario)
     planner = make_planner(planner_name, scenario, options)

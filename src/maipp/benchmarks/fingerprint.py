@@ -1,12 +1,11 @@
 """What a result was made by: two results with the same fingerprint are the same numbers, on the same machine."""
 
-import ast
 import hashlib
-import importlib.util
-import inspect
-from collections.abc import Iterable, Iterator
+import importlib.metadata
+import re
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -15,23 +14,56 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.benchmarks.machine import versions
+from maipp.benchmarks.source_code import Code, bare, closure, distributions, module_file, user_code
 from maipp.engine import Planner
+from maipp.errors import InputError
 
 # What every survey runs through, whoever plans it.
 _SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.benchmarks.evaluate")
 
+# Libraries of maipp that draw, print and read text: no number of a result comes from them.
+_NO_NUMBERS = {"matplotlib", "rich", "tyro", "pyyaml"}
+
 
 def planner_fingerprint(planner: Planner) -> dict[str, Any]:
-    """The versions, the precision, the code and the weights that decide what a planner's surveys come to."""
+    """The versions, the precision, the code and the weights that decide what a planner's surveys come to.
+
+    Raises `InputError` for a planner of one's own whose code has no file.
+    """
     kind = type(planner)
+    try:
+        theirs = user_code(kind)
+    except (OSError, TypeError):  # typed into a prompt
+        raise InputError(
+            f"{kind.__name__}: its code has no file, so results of it and of its next form look alike; put it in one"
+        ) from None
+    ours = {name for name in (*theirs.outside, kind.__module__) if _is_ours(name)}
     return {
-        "versions": versions(),
+        "versions": versions() | library_versions() | _versions_of(distributions(theirs.outside)),
         "backend": jax.default_backend(),
         "precision": str(jnp.result_type(float)),
-        "code": code_digest((*_SIMULATION, kind.__module__)),
-        "file": "" if kind.__module__.startswith("maipp.") else _digest([Path(inspect.getfile(kind)).read_bytes()]),
+        "code": code_digest((*_SIMULATION, *sorted(ours))),
+        "file": _files_digest(theirs) if theirs.own else "",
         "weights": weights_digest(planner),
     }
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of all libraries that maipp computes with."""
+    try:
+        required = importlib.metadata.requires("maipp") or []
+    except importlib.metadata.PackageNotFoundError:  # run from a source tree
+        return {}
+    names = {re.split(r"[^\w.-]", each)[0].lower() for each in required if "extra ==" not in each}
+    return _versions_of(names - _NO_NUMBERS)
+
+
+def _versions_of(libraries: Iterable[str]) -> dict[str, str]:
+    found = {}
+    for name in sorted(libraries):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found
 
 
 def weights_digest(planner: Planner) -> str:
@@ -43,14 +75,16 @@ def weights_digest(planner: Planner) -> str:
 @lru_cache(maxsize=64)
 def code_digest(modules: tuple[str, ...]) -> str:
     """A digest of what these modules and all modules of maipp that they import do, comments and docstrings aside."""
-    todo, seen = list(modules), set()
-    while todo:
-        name = todo.pop()
-        path = _source(name)
-        if path is not None and name not in seen:
-            seen.add(name)
-            todo += _imported(name, path)
-    return _digest(text for name in sorted(seen) for text in (name.encode(), _bare(_source(name))))
+    start = {name: module_file(name) for name in modules if _is_ours(name)}
+    return _files_digest(closure(start, _is_ours, parents=False))
+
+
+def _is_ours(name: str) -> bool:
+    return name.partition(".")[0] == "maipp"
+
+
+def _files_digest(code: Code) -> str:
+    return _digest(text for name, path in sorted(code.own.items()) for text in (name.encode(), bare(path)))
 
 
 def _digest(parts: Iterable[bytes]) -> str:
@@ -58,36 +92,3 @@ def _digest(parts: Iterable[bytes]) -> str:
     for part in parts:
         digest.update(part)
     return digest.hexdigest()[:16]
-
-
-@lru_cache(maxsize=1024)
-def _source(name: str) -> Path | None:
-    """The file of a module of maipp; None for anything else, such as a class in a module."""
-    if name.split(".")[0] != "maipp":
-        return None
-    try:
-        found = importlib.util.find_spec(name)
-    except ModuleNotFoundError:  # its parent is no package
-        return None
-    return Path(found.origin) if found is not None and found.origin else None
-
-
-def _imported(name: str, path: Path) -> Iterator[str]:
-    """What a module imports, inside functions too; of the re-exports above a module nothing."""
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            for alias in node.names:
-                module = f"{node.module}.{alias.name}"
-                yield module if _source(module) else node.module
-
-
-def _bare(path: Path | None) -> bytes:
-    """The module's syntax tree without docstrings."""
-    assert path is not None  # only modules that have a source are asked for
-    tree = ast.parse(path.read_bytes())
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
-            node.body = node.body[1:]
-    return ast.dump(tree).encode()

@@ -26,6 +26,7 @@ from maipp.files import write_atomic
 from maipp.planners import planner_options
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 PLANNERS = ("ti-star", "shared-greedy", "receding-horizon", "lawnmower")
 WORLDS = {"prior": PriorCell, "mixture": Cell}
@@ -89,6 +90,7 @@ def places(flags: Standardised, base: Scenario | None = None) -> Iterator[Place]
     for name, count in (("instances", flags.instances), ("trials", flags.trials)):
         if count < 1:
             raise InputError(f"--{name}: {count} is too few; give a whole number >= 1")
+    check_seed(flags.seed, "--seed")
     for name in flags.planners:
         planner_options(name)  # raises for an unknown name
     base = Scenario() if base is None else base

@@ -11,6 +11,7 @@ from maipp.benchmarks.figure_files import Plan, write_figures
 from maipp.benchmarks.tables import TABLES
 from maipp.errors import InputError
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,7 @@ def run(flags: Figures) -> int:
     """Draw everything. Raises `InputError` for what is wrong."""
     if flags.instances < 1:
         raise InputError(f"--instances: {flags.instances} is not a number of instances; give a whole number >= 1")
-    if flags.seed < 0:
-        raise InputError(f"--seed: {flags.seed} is negative; give a whole number >= 0")
+    check_seed(flags.seed, "--seed")
     if flags.budget < 1.0:
         raise InputError(f"--budget: {flags.budget:g} ends before agents have plans to draw; give at least 1")
     rows = TABLES["table1"].chosen(flags.planners) if flags.planners else Plan().rows

@@ -11,6 +11,7 @@ from maipp.benchmarks.latency_files import LatencyPlan, write_latency
 from maipp.benchmarks.tables import TABLES
 from maipp.errors import InputError
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,7 @@ def run(flags: Latency) -> int:
     for name in ("decisions", "batch"):
         if getattr(flags, name) < 1:
             raise InputError(f"--{name}: {getattr(flags, name)} is not a number of them; give a whole number >= 1")
-    if flags.seed < 0:
-        raise InputError(f"--seed: {flags.seed} is negative; give a whole number >= 0")
+    check_seed(flags.seed, "--seed")
     rows = TABLES["table1"].chosen(flags.planners)
     scenario = Scenario(agents=flags.agents, budget=flags.budget)
     plan = LatencyPlan(scenario, rows, flags.decisions, flags.batch, flags.seed)

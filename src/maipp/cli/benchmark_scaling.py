@@ -13,6 +13,7 @@ from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, scalin
 from maipp.benchmarks.scaling_report import read_json, write_json, write_report
 from maipp.errors import InputError
 from maipp.planners import planner_options
+from maipp.seeds import check_seed
 
 # What --quick keeps of every axis, and how large the largest survey is then.
 _QUICK_AXES = {axis: values[:2] for axis, values in AXES.items()}
@@ -126,6 +127,7 @@ def _check(flags: Scaling) -> None:
     for flag, value, least in (("decisions", flags.decisions, 1), ("surveys", flags.surveys, 0)):
         if value < least:
             raise InputError(f"--{flag}: {value} is too few; give a whole number >= {least}")
+    check_seed(flags.seed, "--seed")
     if flags.capacity is not None and flags.capacity < 1:
         raise InputError(f"--capacity: {flags.capacity} is too few; give a whole number >= 1")
     if not 0 < flags.length_scale < float("inf"):

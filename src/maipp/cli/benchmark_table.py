@@ -16,6 +16,7 @@ from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
 from maipp.errors import InputError
 from maipp.planners.options import unknown
+from maipp.seeds import check_seed
 
 INTERRUPTED = 130
 
@@ -128,8 +129,7 @@ def _sample(flags: TableFlags) -> Sample:
         count = getattr(flags, name)
         if count is not None and count < 1:
             raise InputError(f"--{name}: {count} is not a number of {name}; give a whole number >= 1")
-    if flags.seed < 0:
-        raise InputError(f"--seed: {flags.seed} is negative; give a whole number >= 0")
+    check_seed(flags.seed, "--seed")
     trials = 1 if flags.quick else 10
     return Sample(flags.instances or 30, flags.trials or trials, flags.seed)
 

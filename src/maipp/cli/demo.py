@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from maipp.errors import InputError
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 if TYPE_CHECKING:
     from maipp.engine.episode import Episode
@@ -78,6 +79,7 @@ def run(flags: Demo) -> int:
     from maipp.cli.plan import report, survey
     from maipp.engine.found import found_by
 
+    check_seed(flags.seed, "--seed")
     field = bathymetry()
     scenario = scenario_for(field.mapping)
     episode, paths = survey(scenario, flags.planner, {}, seed=flags.seed, out=flags.out, field=field)

@@ -18,6 +18,7 @@ from maipp.errors import InputError
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.problem import Shape, shape_of
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 INTERRUPTED = 130
 
@@ -50,6 +51,7 @@ class Evaluate(PlannerFlags):
 
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
+    check_seed(flags.seed, "--seed")
     rows = _rows(flags)
     shape = _shared_shape([scenario for _, scenario, _ in rows])
     to_file = flags.json not in (None, "-")

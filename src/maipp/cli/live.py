@@ -11,6 +11,7 @@ import tyro
 
 from maipp.cli.options import assignments
 from maipp.errors import InputError
+from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
     from maipp.live import LiveSurvey
@@ -50,8 +51,8 @@ def run(flags: Live) -> int:
     """Answer requests until standard input ends."""
     from maipp.live.serve import encode, serve
 
-    if flags.seed is not None and not 0 <= flags.seed < 2**63:
-        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    if flags.seed is not None:
+        check_seed(flags.seed, "--seed")
     if not math.isfinite(flags.epoch):
         raise InputError(f"--epoch: {flags.epoch} is not a time; give seconds, such as the start's Unix time")
     with _open(flags) as survey:

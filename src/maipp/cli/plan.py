@@ -18,6 +18,7 @@ from maipp.cli.options import PlannerFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
     from maipp.engine.episode import Episode
@@ -83,8 +84,7 @@ class Plan(PlannerFlags):
 def run(flags: Plan) -> int:
     """Plan the survey that the flags describe, write its files, print its numbers."""
     scenario, field = _world(flags)
-    if not 0 <= flags.seed < 2**63:
-        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    check_seed(flags.seed, "--seed")
     flags.check_weights([flags.planner])
     episode, paths = survey(
         scenario,
@@ -120,7 +120,7 @@ def survey(
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with (
-        staged_folder(out) as stage,
+        staged_folder(out, gone=_ONLY_SOMETIMES) as stage,
         Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar,
     ):
         task = bar.add_task(_STEPS[0], total=len(_STEPS))
@@ -135,8 +135,6 @@ def survey(
         episode, told = _simulate(scenario, planner, built, options, seed, field, advance)
         _write_files(episode, told, stage, advance, drawn if animation else None)
         names = sorted(path.name for path in stage.iterdir())
-    for name in set(_ONLY_SOMETIMES) - set(names):
-        (out / name).unlink(missing_ok=True)  # of an earlier survey
     return episode, [out / name for name in names]
 
 

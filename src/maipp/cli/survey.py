@@ -14,6 +14,7 @@ from rich.table import Table
 from maipp.cli.options import assignments
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
+from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.engine.episode import Episode
@@ -21,6 +22,8 @@ if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.surveys.expected_mission import Expected
     from maipp.surveys.standardise import PreparedSurvey
     from maipp.surveys.survey import Survey as MissionFile
+
+_ONLY_SOMETIMES = ("kernel.png", "report.html")  # among the files of a planned survey
 
 
 @dataclass(frozen=True)
@@ -84,8 +87,8 @@ def run(flags: Survey) -> int:
         return _new(flags.mission)
     if flags.mission is None:
         raise InputError("no mission file; give one, or write one to start from: maipp survey --new mission.yaml")
-    if flags.seed is not None and not 0 <= flags.seed < 2**63:
-        raise InputError(f"--seed: {flags.seed} is out of range; give a whole number >= 0, of 18 digits at most")
+    if flags.seed is not None:
+        check_seed(flags.seed, "--seed")
     _check_flags(flags)
     from maipp.surveys.survey_io import load_survey
 
@@ -132,7 +135,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
-    with Console(stderr=True).status("planning"), staged_folder(flags.out) as stage:
+    with Console(stderr=True).status("planning"), staged_folder(flags.out, gone=_ONLY_SOMETIMES) as stage:
         expected = expected_course(prepared, seed=flags.seed)
         plan = route_plan(prepared, expected.episode)
         written = _write_files(prepared, expected, plan, stage)

@@ -17,6 +17,7 @@ from maipp.errors import InputError
 from maipp.fields.raster import Mapping
 from maipp.files import write_atomic
 from maipp.scenario import Scenario, ScenarioError
+from maipp.seeds import LARGEST_SEED
 
 SCHEMA = "maipp.episode/1"
 
@@ -101,7 +102,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
         scenario=scenario,
         planner=record["planner"]["name"].text(),
         options=_options(record["planner"]["options"]),
-        seed=record["seed"].whole(),
+        seed=record["seed"].whole(LARGEST_SEED + 1),
         index=record["index"].whole(),
         agents=agents,
         truth=np.stack([row.numbers(real, side) for row in record["truth"].items(side)]).reshape(-1),

@@ -18,7 +18,8 @@ from maipp.fields import evaluation_grid, sample_mixture
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Int, Key, Keys
+from maipp.seeds import check_seed
+from maipp.typing import Array, Bool, Float, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -56,14 +57,14 @@ class Mission(eqx.Module):
 _START_DRAWS = 256
 
 
-def _instance_keys(seed: Int[Array, ""], instances: int) -> Keys:
+def _instance_keys(key: Key, instances: int) -> Keys:
     """One key per instance; instance i of a seed is the same world whatever the number of instances."""
-    return jax.vmap(lambda i: jax.random.fold_in(jax.random.key(seed), i))(jnp.arange(instances))
+    return jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(instances))
 
 
 @partial(jax.jit, static_argnames=("points", "components", "instances"))
 def _draw_worlds(
-    seed: Int[Array, ""],
+    key: Key,
     field: Any,
     extent: Float[Array, "2"],
     variance: Float[Array, "2"],
@@ -83,7 +84,7 @@ def _draw_worlds(
             )
         return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
 
-    return grid, *jax.vmap(world)(_instance_keys(seed, instances))
+    return grid, *jax.vmap(world)(_instance_keys(key, instances))
 
 
 def _free_start(
@@ -122,8 +123,10 @@ def draw_missions(
     same in every mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each
     other; none at all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the
     scenario's. `shape` is the scenario's own, or one that it shares with others (`shape_of`).
-    Raises InputError where obstacles leave no room, and for prior samples that are not finite or do not match.
+    Raises InputError for a seed out of range, where obstacles leave no room, and for prior samples that are not finite
+    or do not match.
     """
+    seed = check_seed(seed)
     if planner is not None:
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
@@ -131,7 +134,7 @@ def draw_missions(
     real = jnp.result_type(float)
     numbers = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
     sizes = {"points": scenario.grid, "components": scenario.mixture_components, "instances": instances}
-    drawn = jax.device_get(_draw_worlds(seed, field, *numbers, **sizes))
+    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), field, *numbers, **sizes))
     grid, fields, truth, draws = drawn
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:

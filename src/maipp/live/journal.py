@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.files import sync_folder
 
 _PREFIX = b'{"sum":"'
 _DIGITS = 16  # of a checksum: 64 bits
@@ -37,7 +38,7 @@ class Journal:
         try:
             self._lock()
             if new:
-                _sync_folder(self.path.parent)
+                sync_folder(self.path.parent)
             content = self._read()
             self._chain = b""
             self.records = list(self._checked(content))
@@ -124,14 +125,3 @@ def _write(file: int, content: bytes) -> None:
     view = memoryview(content)
     while view:
         view = view[os.write(file, view) :]
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new file's name as lasting as its content, where the system can."""
-    if os.name != "posix":
-        return
-    handle = os.open(folder or ".", os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

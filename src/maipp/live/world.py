@@ -16,6 +16,7 @@ from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.units import Units
 from maipp.scenario import Scenario
+from maipp.seeds import check_seed
 from maipp.typing import Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -94,4 +95,4 @@ def make_setup(
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
     room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), seed, tuple(robots), room, units)
+    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units)

@@ -1,4 +1,4 @@
-"""The mission files of a plan, written together or not at all."""
+"""The mission files of a plan, which replace those of an earlier one together (`maipp.files.staged_folder`)."""
 
 import os
 from collections.abc import Sequence
@@ -43,7 +43,9 @@ def write_mission_files(
     vehicle: str | Vehicle = "boat",
     altitude: float | None = None,
 ) -> list[Path]:
-    """Write the plan in these formats into the folder, all files or none, and say which were written.
+    """Write the plan in these formats into the folder, and say which were written.
+
+    All files or none, as far as `maipp.files.staged_folder` can see to it.
 
     One `<robot>.plan` a robot, `routes.gpx`, `routes.geojson` and `waypoints.csv`. `vehicle` is its kind ("boat",
     "rover", "copter"; `altitude` in metres above home) or, for more choices, a `Vehicle`. A plan in metres gives

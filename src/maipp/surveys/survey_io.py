@@ -7,6 +7,7 @@ from typing import Any
 from maipp.errors import InputError
 from maipp.missions.vehicle import Vehicle
 from maipp.scenario_checks import show
+from maipp.seeds import LARGEST_SEED
 from maipp.surveys.entry import Entry, is_point, read_yaml
 from maipp.surveys.geojson import Rings, load_geojson, polygons_in
 from maipp.surveys.survey import Kernel, RasterArea, Rehearsal, Robot, SampleFile, Survey
@@ -115,7 +116,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         planner_options=dict(options.value) if options is not None else {},
         scenario=_scenario(keys["scenario"]) if "scenario" in keys else {},
         rehearsal=_rehearsal(keys["rehearsal"], folder) if "rehearsal" in keys else Rehearsal(),
-        seed=keys["seed"].whole("a whole number >= 0", 0) if "seed" in keys else 0,
+        seed=keys["seed"].whole(f"a whole number from 0 to {LARGEST_SEED}", 0, LARGEST_SEED) if "seed" in keys else 0,
         lines=root.lines,
     )
 

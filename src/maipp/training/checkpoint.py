@@ -18,6 +18,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from maipp.errors import InputError
+from maipp.files import sync_folder
 
 SCHEMA = "maipp.checkpoint/1"
 CARD = "checkpoint.json"
@@ -48,9 +49,9 @@ def save_checkpoint(folder: Path, update: int, arrays: PyTree, about: Mapping[st
                 digests[name] = hashlib.sha256(content).hexdigest()
             card = {"schema": SCHEMA, "update": update, **about, "files": digests}
             _write(stage / CARD, (json.dumps(card, indent=2, allow_nan=False) + "\n").encode())
-            _sync(stage)
+            sync_folder(stage)
             os.rename(stage, target)
-            _sync(folder)
+            sync_folder(folder)
         _remove([*checkpoints(folder)[:-KEPT], *folder.glob(".*")])
     except OSError as error:
         raise InputError(f"{target}: cannot be written: {error.strerror or error}") from error
@@ -108,16 +109,6 @@ def _write(path: Path, content: bytes) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
-
-
-def _sync(folder: Path) -> None:
-    """Make the names in a folder outlast a power cut, where the system can open folders."""
-    if os.name == "posix":
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
 
 def _remove(paths: list[Path]) -> None:

@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from maipp.errors import InputError
+from maipp.seeds import LARGEST_SEED, check_seed
+
+# Added to the seeds that training draws worlds from: `maipp evaluate --seed` below this never meets any of them.
+TRAINING_SEEDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -70,8 +74,7 @@ class TrainConfig:
         for name, smallest in least.items():
             if getattr(self, name) < smallest:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
-        if self.seed < 0:
-            raise InputError(f"training: seed: {self.seed} is negative; give a whole number >= 0")
+        check_seed(self.seed, "training: seed", LARGEST_SEED - TRAINING_SEEDS)
         for name in (
             "length_scale",
             "learning_rate",

@@ -11,11 +11,8 @@ from maipp.fields import evaluation_grid, sample_mixture
 from maipp.problem import Params, params_of, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.training.config import TrainConfig
+from maipp.training.config import TRAINING_SEEDS, TrainConfig
 from maipp.typing import Array, Float, Index, Int, Key
-
-# Added to the seeds that training draws worlds from: `maipp evaluate --seed` below this never meets any of them.
-TRAINING_SEEDS = 1_000_000_000
 
 
 class Bank(NamedTuple):
