@@ -33,7 +33,8 @@ def transitions(*missions: list[Event]) -> Transition:
     columns: dict[str, Any] = {
         n: jnp.array([[getattr(e, n) for e in m] for m in missions], t).T for n, t in kinds.items()
     }
-    return Transition(**{name: columns.get(name) for name in Transition._fields})
+    unread: dict[str, Any] = dict.fromkeys(Transition._fields)
+    return Transition(**unread | columns)
 
 
 compiled = jax.jit(returns, static_argnums=(0, 2))
