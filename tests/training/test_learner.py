@@ -1,7 +1,7 @@
 """The learner: advantages normalised over all shards, a bandit that PPO must solve, and what each phase tells."""
 
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
@@ -68,7 +68,7 @@ def two_nodes(agent):
 def decision(agent, memory, *, trace, stopped=False, ended=False):
     """A decision, index, log-probability and value to be filled in."""
     zero = jnp.int32(0)
-    unread = dict.fromkeys(Transition._fields)
+    unread: dict[str, Any] = dict.fromkeys(Transition._fields)
     shown = {
         "features": two_nodes(agent),
         "roadmap": zero,
@@ -89,7 +89,7 @@ def decision(agent, memory, *, trace, stopped=False, ended=False):
         "stopped": jnp.asarray(stopped),
         "ended": jnp.asarray(ended),
     }
-    return Transition(**unread | shown)  # type: ignore[arg-type]
+    return Transition(**unread | shown)
 
 
 def pull(config, scenario, planner, bank, environments, key, phase, follow):
@@ -113,21 +113,21 @@ def pull(config, scenario, planner, bank, environments, key, phase, follow):
             events.append(decision(agent, memory, trace=left, stopped=True, ended=agent == 1))
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *events)
 
-    return environments, jax.vmap(mission, out_axes=1)(jax.random.split(key, config.missions))
+    return environments, jax.vmap(mission, out_axes=1)(jax.random.split(key, BANDIT.missions))
 
 
 def test_ppo_solves_a_bandit(monkeypatch):
     """The real returns, losses, minibatches and optimiser, in the real update; only the survey is a made-up one."""
     monkeypatch.setattr(module, "roll_out", pull)
-    config = BANDIT
-    learner = Learner(config, jax.devices()[:1])
+    learner = Learner(BANDIT, jax.devices()[:1])
     edges = jnp.zeros((1, 2, ARMS, ARMS), jnp.int32), jnp.zeros((1, 2, ARMS, ARMS)), jnp.ones((1, 2, ARMS, ARMS), bool)
     encoding = jnp.zeros((1, 2, ARMS, ENCODINGS))
     learner.bank = Bank(Roadmap(jnp.zeros((1, 2, ARMS, 2)), *edges, encoding), jnp.zeros((1, 2, 2)))
     network = PolicyNetwork(jax.random.key(1), width=16, heads=2, encoding_dimensions=ENCODINGS)
-    keys = jax.random.split(jax.random.key(2), config.shards)
-    environments = jnp.zeros((config.shards, config.missions))  # of which nothing is needed
-    state = TrainState(network, learner._optimiser.init(network), Shard(environments, keys), jnp.int32(0))
+    keys = jax.random.split(jax.random.key(2), BANDIT.shards)
+    environments: Any = jnp.zeros((BANDIT.shards, BANDIT.missions))  # of which nothing is needed
+    weights: Any = network
+    state = TrainState(network, learner._optimiser.init(weights), Shard(environments, keys), jnp.int32(0))
 
     @jax.jit
     def chances(network):
@@ -139,12 +139,12 @@ def test_ppo_solves_a_bandit(monkeypatch):
     before = np.asarray(chances(state.network))
     assert (before > 0.2).all() and (before < 0.8).all()
     metrics = []
-    for _ in range(config.updates):
+    for _ in range(BANDIT.updates):
         state, told = learner.update(state)
         metrics.append({name: float(value) for name, value in told.items()})
     assert (np.asarray(chances(state.network)) > 0.9).all()
     assert metrics[-1]["final_trace"] < 70 < metrics[0]["final_trace"]  # of the last agent to stop
-    assert metrics[0]["missions_ended"] == config.shards * config.missions
+    assert metrics[0]["missions_ended"] == BANDIT.shards * BANDIT.missions
     assert metrics[-1]["value_loss"] < 0.1 * metrics[0]["value_loss"] or metrics[-1]["value_loss"] < 1e-2
     assert metrics[-1]["entropy"] < metrics[0]["entropy"]
     # Of the decisions half are choices; the others count for nothing.
