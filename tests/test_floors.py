@@ -1,4 +1,4 @@
-"""The floors: which module may import which, and what from outside (docs/design.md).
+"""The floors: which module may import which, and what from outside (docs/architecture.md).
 
 Only the source is read, nothing is imported: an import inside a function or under `TYPE_CHECKING` counts too.
 """
@@ -171,7 +171,7 @@ PACKAGE = ROOT / "src" / "maipp"
 def test_every_room_has_a_floor():
     rooms = {room(module) for module in modules(PACKAGE)} - {""}
     assert rooms, "no modules found"
-    assert rooms <= FLOOR.keys(), f"give {sorted(rooms - FLOOR.keys())} a floor here and in docs/design.md"
+    assert rooms <= FLOOR.keys(), f"give {sorted(rooms - FLOOR.keys())} a floor here and in docs/architecture.md"
 
 
 def test_imports_name_modules_that_exist():

@@ -254,7 +254,7 @@ def extend(
     """Belief with p virtual measurements added in p new slots, as if they had been taken already.
 
     `virtual_value="mean"` takes the predicted mean as their value, so that only the covariance changes (paper
-    Sec. III-B); `"zero"` measures zero everywhere, as the public reference code does.
+    Sec. IV-B); `"zero"` measures zero everywhere, as the public reference code does.
     """
     rows = jnp.where(mask[:, None], belief.whiten(x), 0.0)  # (p, n) L^-1 k(X, x)
     prior = jnp.asarray(belief.kernel.variance, x.dtype)

@@ -83,7 +83,7 @@ def predicted(
 ) -> tuple[Float[Array, "c q"], Float[Array, "c q"]]:
     """Mean and variance at the query points after each candidate's measurements.
 
-    `virtual_value="mean"` measures the predicted mean, so only the covariance changes (paper Sec. III-B); `"zero"`
+    `virtual_value="mean"` measures the predicted mean, so only the covariance changes (paper Sec. IV-B); `"zero"`
     measures zero everywhere.
     """
     virtual = virtual_measurements(belief, points, taken)

@@ -1,4 +1,4 @@
-"""`sga-rrt`: sequential greedy assignment over the branches of a random tree (paper Sec. IV-A, Table I)."""
+"""`sga-rrt`: sequential greedy assignment over the branches of a random tree (paper Sec. V-A, Table I)."""
 
 import math
 from functools import partial

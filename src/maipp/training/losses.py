@@ -46,10 +46,11 @@ def ask(
 def sample_loss(
     config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: Sample, phase: Phase
 ) -> tuple[Float[Array, ""], dict[str, Array]]:
-    """Loss of one decision, and its parts.
+    """Loss of one decision, and its parts: those that mean something in this phase.
 
     Imitation is the cross-entropy from the teacher's choice; search that from the steps of the elite paths; PPO as in
-    Schulman et al. 2017, with an entropy bonus. The value is fitted in all.
+    Schulman et al. 2017, with an entropy bonus. The value is fitted in all. How far the policy moved (`kl`) and whether
+    PPO clipped are told in `reinforce` alone: the other phases do not follow the gradient of the ratio.
     """
     transition = sample.transition
     prepared, logits, value = ask(network, bank, transition)
@@ -59,25 +60,25 @@ def sample_loss(
     finite = jnp.where(transition.allowed, logs, 0.0)
     chances = jnp.where(transition.allowed, jnp.exp(finite), 0.0)
     entropy = -jnp.sum(chances * finite)
-    imitation = -jnp.sum(transition.lesson * finite)
-    if transition.elites is not None:
-        imitation = surprise(network, prepared, transition.memory, transition.threshold, transition.elites)
-    ratio_log = jnp.where(sample.valid, log_probability(logits, transition.index) - transition.log_probability, 0.0)
-    ratio = jnp.exp(ratio_log)
-    clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
-    gain = jnp.minimum(ratio * sample.advantage, clipped * sample.advantage)
     weight = sample.valid.astype(jnp.float32)
-    policy = -weight * gain
     error = weight * 0.5 * (value - sample.target) ** 2
-    loss = config.value * error
-    loss += policy - config.entropy * entropy * acts if phase == "reinforce" else imitation
-    parts = {
-        "loss": loss,
-        "policy_loss": policy,
-        "value_loss": error,
-        "entropy": entropy * acts,
-        "imitation_loss": imitation,
-        "kl": weight * (ratio - 1 - ratio_log),
-        "clip_fraction": weight * (jnp.abs(ratio - 1) > config.clip),
-    }
-    return loss, parts
+    parts = {"value_loss": error, "entropy": entropy * acts}
+    if phase == "reinforce":
+        ratio_log = jnp.where(sample.valid, log_probability(logits, transition.index) - transition.log_probability, 0.0)
+        ratio = jnp.exp(ratio_log)
+        clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
+        policy = -weight * jnp.minimum(ratio * sample.advantage, clipped * sample.advantage)
+        parts |= {
+            "policy_loss": policy,
+            "kl": weight * (ratio - 1 - ratio_log),
+            "clip_fraction": weight * (jnp.abs(ratio - 1) > config.clip),
+        }
+        loss = policy - config.entropy * parts["entropy"]
+    else:
+        if transition.elites is None:
+            loss = -jnp.sum(transition.lesson * finite)
+        else:
+            loss = surprise(network, prepared, transition.memory, transition.threshold, transition.elites)
+        parts["imitation_loss"] = loss
+    loss += config.value * error
+    return loss, {"loss": loss, **parts}

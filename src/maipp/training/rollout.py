@@ -46,7 +46,7 @@ class Transition(NamedTuple):
     threshold: Float[Array, ""]
     memory: Memory
     index: Index  # the neighbour chosen
-    log_probability: Float[Array, ""]
+    log_probability: Float[Array, ""]  # of it, by the policy
     value: Float[Array, ""]
     lesson: Float[Array, " k"]  # the teacher's choice, or that of the best path; zero without either
     elites: Elites | None  # the best paths, where it learns from them
@@ -112,7 +112,7 @@ def step(
         threshold=view.threshold,
         memory=choice.memory,
         index=index,
-        log_probability=choice.log_probability,
+        log_probability=choice._replace(index=index).log_probability,
         value=choice.insight.value,
         lesson=lesson,
         elites=elites,
