@@ -9,9 +9,9 @@ from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along, cut_leg
 from maipp.engine.rows import pick, put
-from maipp.engine.state import State, route_capacity
+from maipp.engine.state import BY_PLANNER, NOT_FINITE, RECORD_FULL, SPENT, TRAVELLING, State, route_capacity
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
-from maipp.typing import Array, Index
+from maipp.typing import Array, Bool, Float, Index, Int
 
 
 def advance(
@@ -30,7 +30,8 @@ def advance(
     capacity = route_capacity(scenario, planner)
     w = planner.waypoints_per_decision
     full = pick(state.route_length, agent) + w > capacity
-    go = active & ~jnp.asarray(decision.stop, bool) & (length > DISTANCE_TOLERANCE) & ~full
+    reason = _stopped_by(decision, remaining, length, full)
+    go = active & (reason == TRAVELLING)
 
     # Count measurements rather than compare distances twice, so that none is lost or doubled by rounding.
     interval = scenario.measurement_interval
@@ -57,6 +58,7 @@ def advance(
         state,
         events=state.events + active.astype(jnp.int32),
         active=put(state.active, agent, go, jnp.asarray(True)),
+        stopped_by=put(state.stopped_by, agent, reason, active),
         leg=put(state.leg, agent, jnp.where(go, leg, position), active),
         departure=put(state.departure, agent, departure, active),
         arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, active),
@@ -71,3 +73,18 @@ def advance(
         route_time=put(state.route_time, agent, route_time, go),
         route_length=put(state.route_length, agent, pick(state.route_length, agent) + w, go),
     )
+
+
+def _stopped_by(
+    decision: Decision, remaining: Float[Array, ""], length: Float[Array, ""], full: Bool[Array, ""]
+) -> Int[Array, ""]:
+    """Why an agent goes no farther than here, as in `State.stopped_by`; `length` is that of the leg it wants to go.
+
+    With nothing left to travel its waypoints are no fault of the planner, whatever they are.
+    """
+    finite = jnp.isfinite(decision.waypoints).all()
+    reason = jnp.where(full, RECORD_FULL, TRAVELLING)
+    reason = jnp.where(length > DISTANCE_TOLERANCE, reason, SPENT)
+    reason = jnp.where(finite, reason, NOT_FINITE)
+    reason = jnp.where(remaining > DISTANCE_TOLERANCE, reason, SPENT)
+    return jnp.where(jnp.asarray(decision.stop, bool), BY_PLANNER, reason).astype(jnp.int8)
