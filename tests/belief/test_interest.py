@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from sklearn.gaussian_process.kernels import Matern
 
-from maipp.belief import Interest, Matern32, condition, high_interest_area, mutual_information, rmse, trace
+from maipp.belief import (
+    Interest,
+    Matern32,
+    condition,
+    high_interest_area,
+    mutual_information,
+    rmse,
+    to_rank,
+    trace,
+)
 from maipp.belief.interest import upper_confidence_bound
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -53,6 +62,38 @@ def test_interest_traces_its_own_area(mean, variance, inside, rule, beta):
     expected = np.where(area, variance, 0.0).astype(np.float64).sum(axis=1)
     np.testing.assert_allclose(interest.trace(mean, variance, jnp.asarray(inside)), expected, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(trace(variance[0], jnp.asarray(area[0])), expected[0], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("rule", ["std", "variance"])
+@pytest.mark.parametrize("broken", ["mean", "variance"])
+@given(mean=values, variance=spreads, row=st.integers(0, 2), point=st.integers(0, 24))
+def test_a_belief_that_is_not_a_number_has_no_trace(mean, variance, row, point, rule, broken):
+    """One point of NaN inside is enough, and no other row minds; outside the survey area it does not count."""
+    interest, inside = Interest(0.4, 1.0, rule), np.ones(25, bool)
+    whole = interest.trace(jnp.asarray(mean), jnp.asarray(variance), jnp.asarray(inside))
+    (mean if broken == "mean" else variance)[row, point] = np.nan
+    mean, variance, others = jnp.asarray(mean), jnp.asarray(variance), np.arange(3) != row
+
+    def traces(inside):
+        inside = jnp.asarray(inside)
+        expected = interest.expected_trace(mean, variance, jnp.ones(25), inside, blur=0.1)
+        return np.asarray(interest.trace(mean, variance, inside)), np.asarray(expected)
+
+    for told in traces(inside):
+        np.testing.assert_array_equal(np.isfinite(told), others)
+    np.testing.assert_allclose(traces(inside)[0][others], np.asarray(whole)[others], rtol=1e-6)
+    assert all(np.isfinite(told).all() for told in traces(inside & (np.arange(25) != point)))
+    assert interest.area(mean, variance, jnp.asarray(inside))[row, point]
+    if broken == "variance":
+        assert np.isnan(trace(variance[row], interest.area(mean, variance, jnp.asarray(inside))[row]))
+
+
+@given(hnp.arrays(np.float32, 6, elements=st.floats(0, 2.0**20, width=32)), st.integers(0, 5))
+def test_a_score_that_is_not_a_number_is_never_the_best(scores, index):
+    rest = np.delete(scores, index)
+    scores[index] = np.nan
+    assert np.nanmin(scores) == scores[int(jnp.argmin(to_rank(jnp.asarray(scores))))] == rest.min()
+    assert np.isfinite(to_rank(jnp.full(3, jnp.nan))).all()  # and yet better than one that is barred by inf
 
 
 @given(values, spreads, hnp.arrays(bool, 25), st.sampled_from(["std", "variance"]))

@@ -34,6 +34,12 @@ def test_gradient_at_distance_zero_is_zero(length_scale):
     assert kernel(here, here) == 2.0
 
 
+def test_a_place_that_is_not_a_number_is_nowhere():
+    """It must not pass for the same place as every other."""
+    places = jnp.array([[jnp.nan, 0.5], [0.5, 0.5]])
+    np.testing.assert_array_equal(np.isnan(Matern32(0.45).matrix(places, places)), [[True, True], [True, False]])
+
+
 def test_gradient_is_that_of_finite_differences():
     with jax.enable_x64(True):
         kernel = Matern32(0.45)

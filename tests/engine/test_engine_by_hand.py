@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import Decision, Planner, draw_missions, rollout, run_missions
-from maipp.engine.state import route_capacity
+from maipp.engine.state import BY_PLANNER, NOT_FINITE, RECORD_FULL, SPENT, TRAVELLING, route_capacity
 from maipp.scenario import Scenario
 
 AGENTS, DECISIONS, WAYPOINTS, INTERVAL = 3, 6, 2, 0.2
@@ -41,6 +41,7 @@ def test_a_finished_mission_does_not_change(play):
     end = int(states.events[-1])
     assert end < len(states.events) - 1 and not states.active[end].any()
     assert states.known[end, 0].sum() < states.known[end, 1].sum()
+    assert states.stopped_by[end, 0] == SPENT
     for leaf in jax.tree.leaves(states):
         for later in range(end + 1, len(states.events)):
             np.testing.assert_array_equal(leaf[later], leaf[end])
@@ -130,6 +131,8 @@ def test_a_stopped_agent_stays_and_is_still_heard(play):
     np.testing.assert_allclose(last.leg[0], [[0.4, 0.5]] * 3, atol=1e-6)
     assert last.odometer[0] == pytest.approx(0.3)
     assert last.memory["step"][0] == 3
+    np.testing.assert_array_equal(last.stopped_by, BY_PLANNER)
+    np.testing.assert_array_equal(states.stopped_by == TRAVELLING, states.active)
     # Agent 1 passes within 0.3 once more, and sees it standing there.
     seen = states.memory["positions"][:, 1, 0][states.memory["heard"][:, 1, 0] & moments]
     assert len(seen) > 0
@@ -144,13 +147,16 @@ def test_a_decision_to_go_nowhere_stops(play):
     assert not states.active[-1].any()
     assert states.odometer[-1, 1] == pytest.approx(0.15)
     assert states.route_length[-1, 1] == 1 + WAYPOINTS
+    assert states.stopped_by[-1, 1] == SPENT
 
 
-def test_a_decision_that_is_not_a_number_stops(play):
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_decision_that_is_not_a_number_stops(play, bad):
     world = straight()
-    world.script[1, 1] = np.nan
+    world.script[1, 1, -1, 0] = bad
     _, states = play(GLOBAL, world)
     assert states.memory["step"][-1, 1] == 2
+    np.testing.assert_array_equal(states.stopped_by[-1], [BY_PLANNER, NOT_FINITE, BY_PLANNER])
     assert np.isfinite(states.odometer[-1]).all() and np.isfinite(states.route[-1]).all()
     assert np.isfinite(states.measurement_x[-1]).all() and np.isfinite(states.memory["mean"]).all()
 
@@ -255,5 +261,8 @@ def test_a_planner_that_would_never_end_is_stopped(monkeypatch):
     assert not final.active.any()
     capacity = route_capacity(scenario, planner)
     decisions = (capacity - 1) // WAYPOINTS
-    assert final.full.any() and int(final.route_length[0].max()) == capacity
-    assert final.odometer[0].max() == pytest.approx(decisions * 1e-4, rel=1e-2)
+    np.testing.assert_array_equal(final.route_length[0], capacity)
+    np.testing.assert_array_equal(final.stopped_by[0], RECORD_FULL)
+    assert int(final.events[0]) == AGENTS * decisions
+    np.testing.assert_allclose(final.odometer[0], decisions * 1e-4, rtol=1e-2)
+    assert np.isfinite(final.route_time[0]).all()

@@ -11,7 +11,9 @@ from sklearn.gaussian_process.kernels import Matern
 from maipp.engine import draw_missions, reset, run_missions
 from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
+from maipp.planners.edges_here import edges_here
 from maipp.planners.greedy import Greedy
+from maipp.planners.lookahead import predicted_trace
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=10, nodes=25, neighbours=6)
@@ -107,3 +109,29 @@ def test_agents_out_of_range_have_no_influence():
     after = run_missions(planner, others, KEY)
     assert not np.allclose(after.route[0, 1, :3], before.route[0, 1, :3])
     np.testing.assert_allclose(after.route[0, 0], before.route[0, 0], atol=1e-6)
+
+
+def test_a_neighbour_whose_trace_is_not_a_number_is_not_chosen(mission, monkeypatch):
+    """NaN is no best; where all that the budget allows are NaN, it is still one of those."""
+    scenario = SCENARIO.replace(last_leg="stop")
+    saw = events(SCENARIO, Greedy(SCENARIO), mission)[0]
+    observation = jax.tree.map(lambda a: a[4], saw)
+    here = edges_here(scenario, observation)
+    observation = eqx.tree_at(lambda o: o.remaining, observation, jnp.sort(here.lengths)[3])
+    allowed = np.asarray(edges_here(scenario, observation).allowed)
+    assert 1 < allowed.sum() < len(allowed)
+
+    def chosen(nan):
+        def some_nan(*arguments, **options):
+            return jnp.where(jnp.asarray(nan), jnp.nan, predicted_trace(*arguments, **options))
+
+        monkeypatch.setattr("maipp.planners.greedy.predicted_trace", some_nan)
+        target = Greedy(scenario).decide(KEY, observation, ()).waypoints[0]
+        return int(np.argmin(np.linalg.norm(here.targets - target, axis=1)))
+
+    edges = np.arange(len(allowed))
+    best = chosen(edges < 0)
+    second = chosen(edges == best)
+    assert allowed[best] and allowed[second] and second != best
+    assert chosen(allowed & (edges != second)) == second
+    assert allowed[chosen(edges >= 0)]

@@ -1,6 +1,6 @@
 """Gaussian-process belief: kernel, posterior, high-interest area."""
 
-from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, trace
+from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, to_rank, trace
 from maipp.belief.kernel import Matern32
 from maipp.belief.posterior import Belief, append, condition, extend, posterior, predict
 from maipp.belief.prior_samples import PriorSamples
@@ -20,5 +20,6 @@ __all__ = [
     "posterior",
     "predict",
     "rmse",
+    "to_rank",
     "trace",
 ]

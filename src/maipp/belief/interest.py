@@ -26,12 +26,12 @@ def high_interest_area(
     """True where the upper confidence bound reaches the threshold (paper Sec. III-B).
 
     `rule="std"` uses `mean + beta * std`, which the paper's numbers fit; `rule="variance"` is the formula as printed.
-    Raises ValueError on any other rule.
+    What is not a number is not known to stay below it, and so belongs to the area. Raises ValueError on any other rule.
     """
     if rule not in ("std", "variance"):
         raise ValueError(f"rule={rule!r}: the high-interest rule is 'std' or 'variance'")
     mean, variance = jnp.asarray(mean), jnp.asarray(variance)
-    return upper_confidence_bound(mean, variance, beta, rule) >= threshold
+    return ~(upper_confidence_bound(mean, variance, beta, rule) < threshold)
 
 
 class Interest(eqx.Module):
@@ -50,8 +50,12 @@ class Interest(eqx.Module):
     def trace(
         self, mean: Float[Array, "*b q"], variance: Float[Array, "*b q"], inside: Bool[Array, " q"]
     ) -> Float[Array, "*b"]:
-        """Tr(P) over the predicted high-interest area of this mean and variance; leading axes are kept."""
-        return jnp.sum(jnp.where(self.area(mean, variance, inside), variance, 0.0), axis=-1)
+        """Tr(P) over the predicted high-interest area of this mean and variance; leading axes are kept.
+
+        NaN where the mean or variance of any point inside is not finite: such a belief must not pass for a good one.
+        """
+        left = jnp.where(self.area(mean, variance, inside), variance, 0.0)
+        return jnp.sum(jnp.where(inside & ~jnp.isfinite(mean + variance), jnp.nan, left), axis=-1)
 
     def expected_trace(
         self,
@@ -68,7 +72,7 @@ class Interest(eqx.Module):
         `variance` is what the measurements leave of the `known` variance now. Their values are not known yet: by the
         belief, the mean at a point will be normal around `mean` with variance `known - variance`, which says how
         likely the point is to stay in the area. `spread` scales that deviation; `blur` (field units, > 0) is added to
-        it in squares. Without spread it is the exact trace as `blur` -> 0.
+        it in squares. Without spread it is the exact trace as `blur` -> 0. NaN inside makes NaN.
         """
         # The square root has no slope at a variance of zero; a point that well known weighs nothing.
         bound = upper_confidence_bound(mean, jnp.maximum(variance, 1e-8), self.beta, self.rule)
@@ -77,8 +81,16 @@ class Interest(eqx.Module):
 
 
 def trace(variance: Float[Array, "*q"], area: Bool[Array, "*q"]) -> Float[Array, ""]:
-    """Tr(P) over an area: the sum of the posterior variances of its points."""
+    """Tr(P) over an area: the sum of the posterior variances of its points, NaN where any of them is."""
     return jnp.sum(jnp.where(area, variance, 0.0))
+
+
+def to_rank(scores: Float[Array, "*c"]) -> Float[Array, "*c"]:
+    """The scores to choose the lowest of: what is not a finite number is as bad as a number can be, but not barred.
+
+    `jnp.argmin` would take NaN for the lowest of all.
+    """
+    return jnp.nan_to_num(scores, nan=jnp.finfo(scores.dtype).max)
 
 
 def rmse(mean: Float[Array, " q"], truth: Float[Array, " q"], inside: Bool[Array, " q"]) -> Float[Array, ""]:

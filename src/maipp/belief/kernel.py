@@ -19,8 +19,9 @@ class Matern32(eqx.Module):
         scaled = (a - b) * (_SQRT3 / jnp.asarray(self.length_scale, a.dtype))
         squared = scaled[..., 0] * scaled[..., 0] + scaled[..., 1] * scaled[..., 1]
         # sqrt has an infinite slope at zero; the covariance there is flat, so the gradient that passes is 0.
-        positive = squared > 0
-        distance = jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1.0)), 0.0)
+        # `!=` and not `>`: a place of NaN must not pass for the same place as every other.
+        apart = squared != 0
+        distance = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
         return self.variance * (1.0 + distance) * jnp.exp(-distance)
 
     def matrix(self, a: Float[Array, "n 2"], b: Float[Array, "q 2"]) -> Float[Array, "n q"]:

@@ -14,7 +14,8 @@ from maipp.belief.kernel import Matern32
 from maipp.belief.tiles import Survey, tile_moments
 from maipp.typing import Array, Bool, Float, Int
 
-# The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it.
+# The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it. Where it
+# starts and ends is in units of the signal variance, as float32's rounding is.
 _NUGGET_GROWTH = 10.0
 _NUGGET_START = 1e-7
 _NUGGET_LIMIT = 1e-1
@@ -24,7 +25,8 @@ class Belief(eqx.Module):
     """A zero-mean GP conditioned on measurements, with its prediction at a fixed set of query points.
 
     Slots that hold no measurement are identity rows of the factor and zero rows of everything else, so the shapes
-    depend only on the number of slots n and of query points q.
+    depend only on the number of slots n and of query points q. A belief whose matrix could not be factored
+    (`nugget_factor`) says so: its mean and variance are NaN at every query point, and so is every Tr(P) of it.
     """
 
     kernel: Matern32
@@ -112,17 +114,23 @@ def _with_survey(belief: Belief, survey: Survey) -> Belief:
     )
 
 
-def nugget_factor(gram: Float[Array, "n n"], noise: Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
-    """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or more where that is not finite."""
+def nugget_factor(
+    gram: Float[Array, "n n"], noise: Float[Array, ""], signal: Float[Array, ""]
+) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+    """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or more where that is not finite.
+
+    `signal` is the signal variance: the unit of the nugget's growth. A matrix that a tenth of it does not help (it
+    holds NaN, or more than the float can) has a factor of NaN.
+    """
     identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
     fixed = lax.stop_gradient(gram)
 
     def fails(nugget: Float[Array, ""]) -> Bool[Array, ""]:
         finite = jnp.isfinite(jnp.linalg.cholesky(fixed + nugget * identity)).all()
-        return ~finite & (nugget < _NUGGET_LIMIT)
+        return ~finite & (nugget < _NUGGET_LIMIT * signal)
 
     def grow(nugget: Float[Array, ""]) -> Float[Array, ""]:
-        return jnp.maximum(nugget * _NUGGET_GROWTH, _NUGGET_START)
+        return jnp.maximum(nugget * _NUGGET_GROWTH, _NUGGET_START * signal)
 
     # Searching for the nugget apart from the factor keeps the factor differentiable; trying one costs microseconds.
     nugget = lax.while_loop(fails, grow, lax.stop_gradient(noise))
@@ -141,14 +149,14 @@ def condition(
     """Belief after the measurements whose mask is True, with predictions at `query`.
 
     `noise` is the measurement variance added to the diagonal, `extra_noise` what that of each measurement exceeds it
-    by. Where float32 cannot factor the matrix (duplicate points), the nugget grows tenfold until it can. Source:
-    Rasmussen & Williams 2006, Alg. 2.1.
+    by. Where float32 cannot factor the matrix (duplicate points), the nugget grows tenfold until it can; where it never
+    can, mean and variance are NaN. Source: Rasmussen & Williams 2006, Alg. 2.1.
     """
     pair = mask[:, None] & mask[None, :]
     prior = jnp.asarray(kernel.variance, x.dtype)
     gram = jnp.where(pair, kernel.matrix(x, x), 0.0)
     gram = gram + jnp.diag(jnp.where(mask, 0.0 if extra_noise is None else extra_noise, prior))
-    factor, nugget = nugget_factor(gram, jnp.asarray(noise, x.dtype))
+    factor, nugget = nugget_factor(gram, jnp.asarray(noise, x.dtype), prior)
     identity = jnp.eye(x.shape[0], dtype=x.dtype)
     inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
     cross = jnp.where(mask[:, None], kernel.matrix(x, query), 0.0)
@@ -194,7 +202,7 @@ def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
     free = ~belief.mask[slot]
     row = belief.whiten(x)  # L^-1 k(X, x)
     prior = jnp.asarray(belief.kernel.variance, x.dtype)
-    pivot = jnp.sqrt(jnp.maximum(prior + belief.noise - row @ row, jnp.maximum(belief.noise, _NUGGET_START)))
+    pivot = jnp.sqrt(jnp.maximum(prior + belief.noise - row @ row, jnp.maximum(belief.noise, _NUGGET_START * prior)))
     inverse_row = (-(row @ belief.inverse_factor) / pivot).at[slot].set(1.0 / pivot)
     value = (y - row @ belief.whitened_values) / pivot
     query_row = (belief.kernel(x, belief.query) - row @ belief.whitened_query) / pivot
@@ -260,7 +268,7 @@ def extend(
     prior = jnp.asarray(belief.kernel.variance, x.dtype)
     pair = mask[:, None] & mask[None, :]
     schur = jnp.where(pair, belief.kernel.matrix(x, x) - rows @ rows.T, 0.0) + jnp.diag(jnp.where(mask, 0.0, prior))
-    factor, _ = nugget_factor(schur, belief.noise)
+    factor, _ = nugget_factor(schur, belief.noise, prior)
     identity = jnp.eye(x.shape[0], dtype=x.dtype)
     inverse = lax.linalg.triangular_solve(factor, identity, left_side=True, lower=True)
     cross = jnp.where(mask[:, None], belief.kernel.matrix(x, belief.query) - rows @ belief.whitened_query, 0.0)

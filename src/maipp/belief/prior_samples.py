@@ -89,7 +89,7 @@ class SampledProcess(NamedTuple):
         """
         pair = mask[:, None] & mask[None, :]
         gram = jnp.where(pair, self.covariance, 0.0) + jnp.diag(jnp.where(mask, 0.0, self.scale))
-        factor, _ = nugget_factor(gram, jnp.asarray(noise, gram.dtype))
+        factor, _ = nugget_factor(gram, jnp.asarray(noise, gram.dtype), self.scale)
         cross = jnp.where(mask[:, None], self.cross, 0.0)
         surprise = jnp.where(mask, y - self.expected, 0.0)
         solved = lax.linalg.triangular_solve(

@@ -60,6 +60,7 @@ def advance(planner: Planner, mission: Mission, state: State, agent: Index, deci
         state,
         events=state.events + acts.astype(jnp.int32),
         active=put(state.active, agent, go, ~full),
+        stopped_by=put(state.stopped_by, agent, decided.stopped_by, acts),
         leg=put(state.leg, agent, jnp.where(go, leg, position), acts),
         departure=put(state.departure, agent, departure, acts),
         arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, acts),

@@ -7,9 +7,10 @@ from maipp.engine.decision import Decision, Knowledge, Observation, Planner, PyT
 from maipp.engine.mission import Mission
 from maipp.engine.observe import observe
 from maipp.engine.polyline import cut_leg
+from maipp.engine.state import BY_PLANNER, NOT_FINITE, SPENT, TRAVELLING
 from maipp.problem import Problem
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Bool, Float, Key, Point
+from maipp.typing import Array, Bool, Float, Int, Key, Point
 
 
 class Departure(eqx.Module):
@@ -17,9 +18,14 @@ class Departure(eqx.Module):
 
     leg: Float[Array, "v 2"]  # from its position through the waypoints, cut where its budget ends, domain units
     reach: Float[Array, " w"]  # distance from its position to each waypoint of the leg; the last is its length
-    go: Bool[Array, ""]  # False: it stops here
+    stopped_by: Int[Array, ""]  # why it stops here, as in `State`; 0: it goes
     message: PyTree
     memory: PyTree
+
+    @property
+    def go(self) -> Bool[Array, ""]:
+        """Whether it goes on."""
+        return self.stopped_by == TRAVELLING
 
     @property
     def length(self) -> Float[Array, ""]:
@@ -28,10 +34,16 @@ class Departure(eqx.Module):
 
 
 def depart(problem: Problem, position: Point, remaining: Float[Array, ""], decision: Decision) -> Departure:
-    """The decision of an agent at `position` as it can be acted on; who would go nowhere stops."""
+    """The decision of an agent at `position` as it can be acted on; who would go nowhere stops.
+
+    With nothing left to travel its waypoints are no fault of the planner, whatever they are.
+    """
     leg, reach = cut_leg(problem.params.extent, position, decision.waypoints, remaining)
-    go = ~jnp.asarray(decision.stop, bool) & (reach[-1] > DISTANCE_TOLERANCE)
-    return Departure(leg, reach, go, decision.message, decision.memory)
+    reason = jnp.where(reach[-1] > DISTANCE_TOLERANCE, TRAVELLING, SPENT)
+    reason = jnp.where(jnp.isfinite(decision.waypoints).all(), reason, NOT_FINITE)
+    reason = jnp.where(remaining > DISTANCE_TOLERANCE, reason, SPENT)
+    reason = jnp.where(jnp.asarray(decision.stop, bool), BY_PLANNER, reason)
+    return Departure(leg, reach, reason.astype(jnp.int8), decision.message, decision.memory)
 
 
 def ask(planner: Planner, mission: Mission, key: Key, observation: Observation, memory: PyTree) -> Decision:

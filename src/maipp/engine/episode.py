@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jax import lax
 
-from maipp.belief import PriorSamples, condition, mutual_information, trace
+from maipp.belief import PriorSamples, condition, mutual_information
 from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.episode_units import Units
 from maipp.engine.mission import Mission
@@ -278,7 +278,7 @@ def _grid_beliefs(
             mean, variance = process.given(y, mask, scenario.noise)
         bound = upper_confidence_bound(mean, variance, interest.beta, interest.rule)
         area = interest.area(mean, variance, inside)
-        return mean, variance, bound, area, trace(variance, area)
+        return mean, variance, bound, area, interest.trace(mean, variance, inside)
 
     return lax.map(one, masks)
 

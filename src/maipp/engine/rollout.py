@@ -19,14 +19,14 @@ from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.observe import turn
 from maipp.engine.rows import pick
-from maipp.engine.state import State, reset, route_capacity, with_capacity
+from maipp.engine.state import RECORD_FULL, State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
 from maipp.typing import Array, Bool, Float, Index, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
 ACCELERATOR_LANES = 4096
 
-# A route that needs more room than this times the usual is not recorded to its end.
+# An agent whose route needs more room than this times the usual is stopped.
 _MOST_ROOM = 4**4
 
 
@@ -73,10 +73,15 @@ class _Log(NamedTuple):
     kept: Any
 
 
+def _most_events(state: State) -> int:
+    """Decisions that the record of the routes has room for, and everybody's last."""
+    agents, vertices = state.route_time.shape[-2:]
+    return agents * (vertices - 1) // (state.leg.shape[-2] - 1) + agents
+
+
 def _empty_log(keep: Keep, state: State) -> _Log:
-    """Room for every event that the record of the routes has room for."""
-    agents, vertices = state.route_time.shape
-    events = agents * (vertices - 1) // (state.leg.shape[-2] - 1) + agents
+    """Room for every event."""
+    events = _most_events(state)
     kept = jax.eval_shape(lambda messages: keep(jax.tree.map(lambda a: a[0], messages)), state.messages)
     return _Log(
         agent=jnp.zeros(events, jnp.int32),
@@ -100,6 +105,9 @@ def _logged(keep: Keep, planner: Planner, mission: Mission, state: State, key: K
     return after, jax.tree.map(write, log, new)
 
 
+_Pair = tuple[State, _Log | None]  # a mission in progress, and what it leaves behind
+
+
 class _Lanes(NamedTuple):
     """The missions that a device steps together, and those it is done with."""
 
@@ -111,8 +119,8 @@ class _Lanes(NamedTuple):
 
 
 def _run_lanes(
-    planner: Planner, missions: Mission, begun: State | None, keys: Keys, lanes: int, capacity: int, keep: Keep | None
-) -> tuple[State, _Log | None]:
+    planner: Planner, missions: Mission, begun: _Pair | None, keys: Keys, lanes: int, capacity: int, keep: Keep | None
+) -> _Pair:
     """Final states of n missions, `lanes` of them stepped together; a lane whose mission has ended takes the next.
 
     So no mission waits for the longest of those that it began with; only the last ones do. A mission whose record is
@@ -122,13 +130,15 @@ def _run_lanes(
     # Taking up missions copies the worlds of all lanes: too much for every step of an accelerator's thousands of lanes.
     enough = max(1, lanes // 16)
 
-    def begin(mission: Mission, state: State | None) -> tuple[State, _Log | None]:
-        state = reset(planner, mission, capacity) if state is None else state
+    def begin(mission: Mission, begun: _Pair | None) -> _Pair:
+        if begun is not None:
+            return begun
+        state = reset(planner, mission, capacity)
         return state, None if keep is None else _empty_log(keep, state)
 
-    def event(mission: Mission, pair: tuple[State, Any], key: Key) -> tuple[State, Any]:
+    def event(mission: Mission, pair: _Pair, key: Key) -> _Pair:
         state, log = pair
-        if keep is None:
+        if keep is None or log is None:
             return step(planner, mission, state, key), None
         return _logged(keep, planner, mission, state, key, log)
 
@@ -137,7 +147,7 @@ def _run_lanes(
     def going(state: State) -> Bool[Array, " l"]:
         return jnp.any(state.active, axis=-1) & ~jnp.any(state.full, axis=-1)
 
-    def take_up(new: Bool[Array, ""], mission: Mission, first: State | None, pair: tuple[State, Any]) -> Any:
+    def take_up(new: Bool[Array, ""], mission: Mission, first: _Pair | None, pair: _Pair) -> _Pair:
         return jax.tree.map(partial(jnp.where, new), begin(mission, first), pair)
 
     def travel(lane: _Lanes) -> _Lanes:
@@ -146,10 +156,10 @@ def _run_lanes(
         mission, first, key = jax.tree.map(lambda a: a[index], (missions, begun, keys))
         pair = jax.vmap(take_up)(lane.new, mission, first, lane.state)
 
-        def over(pair: tuple[State, Any]) -> Bool[Array, " l"]:
+        def over(pair: _Pair) -> Bool[Array, " l"]:
             return (lane.number < count) & ~going(pair[0])
 
-        def travelling(pair: tuple[State, Any]) -> Bool[Array, ""]:
+        def travelling(pair: _Pair) -> Bool[Array, ""]:
             relief = (lane.waiting < count) & (jnp.sum(over(pair)) >= enough)
             return jnp.any(going(pair[0])) & ~relief
 
@@ -174,19 +184,19 @@ def _run_lanes(
 def _run_sharded(
     planner: Planner,
     missions: Mission,
-    begun: State | None,
+    begun: _Pair | None,
     keys: Keys,
     devices: int,
     lanes: int,
     capacity: int,
     keep: Keep | None,
-) -> tuple[State, _Log | None]:
+) -> _Pair:
     """Final states; the batch is padded with its last mission to a multiple of the devices."""
     arrays, static = eqx.partition(planner, eqx.is_array)
     count = batch_size(missions)
     index = jnp.minimum(jnp.arange(math.ceil(count / devices) * devices), count - 1)
 
-    def per_device(arrays: Planner, missions: Mission, begun: State | None, keys: Keys) -> tuple[State, _Log | None]:
+    def per_device(arrays: Planner, missions: Mission, begun: _Pair | None, keys: Keys) -> _Pair:
         return _run_lanes(eqx.combine(arrays, static), missions, begun, keys, lanes, capacity, keep)
 
     mesh = Mesh(np.asarray(missions_devices()[:devices]), ("missions",))
@@ -223,28 +233,28 @@ def run_recorded(planner: Planner, missions: Mission, key: Key, keep: Keep, *, f
     return states, Events(*jax.tree.map(lambda rows: np.asarray(rows)[:, :last], tuple(log)))
 
 
-def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep | None) -> tuple[State, _Log | None]:
+def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep | None) -> _Pair:
     """Run, and where a planner's steps are so small that the record of a route is full, go on with more room."""
     refuse_to_cross(missions.shape.has_zones, planner)
     planner = planner.on(jax.tree.map(lambda a: a[0], missions.problem))
-    count = batch_size(missions)
-    keys = jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(count))
+    keys = jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(batch_size(missions)))
     capacity = route_capacity(missions.problem, planner)
     most = _MOST_ROOM * capacity
-    states, log = _run_some(planner, missions, None, keys, capacity, keep)
-    while capacity < most and (rest := np.flatnonzero(np.asarray(states.full).any(axis=-1))).size:
-        capacity *= 4
-        some, more = jax.tree.map(lambda a: a[rest], (missions, keys))
-        begun = None if keep is not None else with_capacity(jax.tree.map(lambda a: a[rest], states), capacity)
-        longer = _run_some(planner, some, begun, more, capacity, keep)
-        states, log = _put_back(states, log, rest, *longer)
-    stopped = states.active & ~states.full.any(axis=-1, keepdims=True)
-    return eqx.tree_at(lambda state: state.active, states, stopped), log
+    done = _run_some(planner, missions, None, keys, capacity, keep)
+    while (rest := np.flatnonzero(np.asarray(done[0].full).any(axis=-1))).size:
+        some, begun, more = jax.tree.map(lambda a: a[rest], (missions, done, keys))
+        if capacity < most:
+            capacity = min(4 * capacity, most)
+            begun = _with_room(begun, capacity)
+        else:
+            begun = _stopped_short(begun[0]), begun[1]
+        done = _put_back(done, rest, _run_some(planner, some, begun, more, capacity, keep))
+    return done
 
 
 def _run_some(
-    planner: Planner, missions: Mission, begun: State | None, keys: Keys, capacity: int, keep: Keep | None
-) -> tuple[State, _Log | None]:
+    planner: Planner, missions: Mission, begun: _Pair | None, keys: Keys, capacity: int, keep: Keep | None
+) -> _Pair:
     """The missions from where they are, on all devices."""
     count = batch_size(missions)
     devices = min(len(missions_devices()), count)
@@ -254,15 +264,24 @@ def _run_some(
     return _run_sharded(planner, missions, begun, keys, devices, lanes, capacity, keep)
 
 
-def _put_back(
-    states: State, log: _Log | None, rest: np.ndarray, longer: State, more: _Log | None
-) -> tuple[State, _Log | None]:
-    """Both results as one, those that needed more room in their places."""
+def _with_room(begun: _Pair, capacity: int) -> _Pair:
+    """The missions with more room, in which nobody waits for it; leading axis b."""
+    state, log = with_capacity(begun[0], capacity), begun[1]
+    if log is not None:
+        added = _most_events(state) - log.counts.shape[1]
+        log = jax.tree.map(lambda a: jnp.pad(a, [(0, 0), (0, added), *[(0, 0)] * (a.ndim - 2)]), log)
+    return state, log
 
-    def put(all: Array, some: Array) -> Array:
-        if all.shape[1:] != some.shape[1:]:  # the axis that has grown
-            room = [(0, new - old) for old, new in zip(all.shape[1:], some.shape[1:], strict=True)]
-            all = jnp.pad(all, [(0, 0), *room], mode="edge")
-        return all.at[rest].set(some)
 
-    return jax.tree.map(put, (states, log), (longer, more))
+def _stopped_short(state: State) -> State:
+    """The missions without those agents whose record is full."""
+    reason = jnp.where(state.full, RECORD_FULL, state.stopped_by).astype(jnp.int8)
+    changed = state.active & ~state.full, reason, jnp.zeros_like(state.full)
+    return eqx.tree_at(lambda s: (s.active, s.stopped_by, s.full), state, changed)
+
+
+def _put_back(done: _Pair, rest: np.ndarray, longer: _Pair) -> _Pair:
+    """Both results as one, those that went on in their places."""
+    if (room := longer[0].route_time.shape[-1]) > done[0].route_time.shape[-1]:
+        done = _with_room(done, room)
+    return jax.tree.map(lambda all, some: all.at[rest].set(some), done, longer)

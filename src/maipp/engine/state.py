@@ -12,6 +12,13 @@ from maipp.engine.polyline import along
 from maipp.problem import ScenarioLike
 from maipp.typing import Array, Bool, Float, Int
 
+# Why an agent stopped. The last two are the engine's doing, with budget left: a fault of the planner, or of its steps.
+TRAVELLING = 0
+BY_PLANNER = 1  # its planner said so
+SPENT = 2  # no budget left, or its planner wanted to go nowhere
+NOT_FINITE = 3  # its planner named a waypoint that is not a finite number
+RECORD_FULL = 4  # its record of the route holds no more vertices
+
 
 class State(eqx.Module):
     """Everything that changes during a mission. Shapes depend on the scenario and the planner's options only."""
@@ -19,6 +26,7 @@ class State(eqx.Module):
     time: Float[Array, ""]  # of the last event
     events: Int[Array, ""]  # decisions taken so far by the team
     active: Bool[Array, " m"]  # False once an agent has stopped
+    stopped_by: Int[Array, " m"]  # why, int8: TRAVELLING, BY_PLANNER, SPENT, NOT_FINITE or RECORD_FULL
     leg: Float[Array, "m v 2"]  # polyline each agent travels: departure point, then w waypoints
     departure: Float[Array, " m"]  # time it left leg[:, 0]
     arrival: Float[Array, " m"]  # time it reaches leg[:, -1]
@@ -60,6 +68,7 @@ def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> St
         time=jnp.zeros((), real),
         events=jnp.zeros((), jnp.int32),
         active=mission.params.present,
+        stopped_by=jnp.full(m, TRAVELLING, jnp.int8),
         leg=jnp.broadcast_to(mission.start[:, None], (m, vertices, 2)),
         departure=jnp.zeros(m, real),
         arrival=jnp.zeros(m, real),

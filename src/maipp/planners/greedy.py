@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 
+from maipp.belief import to_rank
 from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted_trace
@@ -41,7 +42,7 @@ class Greedy(Planner):
             here.allowed[:, None],
             virtual_value=self.scenario.virtual_value,
         )
-        best = jnp.argmin(jnp.where(here.allowed, score, jnp.inf))
+        best = jnp.argmin(jnp.where(here.allowed, to_rank(score), jnp.inf))
         target = here.targets[best]
         # An agent that stops goes nowhere: it must not keep a place claimed for the rest of the mission.
         message = jnp.where(here.allowed.any(), target, jnp.nan) if self.shared else self.empty_message()

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from maipp.belief import Belief
+from maipp.belief import Belief, to_rank
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.intent_belief import with_intents
@@ -102,7 +102,7 @@ class IntentPlanner(PolicyPlanner):
             kept=memory.plan if self.keep else None,
         )
         scores = self._scores(observation, situation, paths) if self._ranks else None
-        best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(scores)
+        best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(to_rank(scores))
         index = self._choose(choice_key, insight, paths, best)
         stop = ~insight.view.allowed.any()
         target = nodes[jnp.where(stop, situation.here.node, insight.view.neighbours[index])]

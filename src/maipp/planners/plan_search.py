@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.belief import to_rank
 from maipp.typing import Array, Float, Key
 
 # Plans turn by this much per leg (standard deviation, radians): straighter ones look too little around, curlier ones
@@ -75,7 +76,7 @@ class Finalists(NamedTuple):
     @property
     def best(self) -> Float[Array, " h *d"]:
         """The best of them."""
-        return self.plans[jnp.argmin(self.values)]
+        return self.plans[jnp.argmin(to_rank(self.values))]
 
 
 def search(
@@ -95,7 +96,7 @@ def search(
     plans = random_plans(key, last, options.candidates)
     if proposals is not None:
         plans = jnp.concatenate([plans, proposals])
-    _, best = lax.top_k(-score(plans), options.elites)
+    _, best = lax.top_k(-to_rank(score(plans)), options.elites)
     elites = plans[best]
     refined = descend(jax.grad(lambda plans: jnp.sum(score(plans))), elites, options.steps, options.rate)
     finalists = jnp.concatenate([elites, refined])

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.belief import Belief
+from maipp.belief import Belief, to_rank
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
@@ -172,12 +172,13 @@ class SgaRrt(PlanePlanner):
             taken[some],
             virtual_value=self.scenario.virtual_value,
         )
-        best = some[jnp.argmin(jnp.where(ranked > 0, score, jnp.inf))]
+        score = jnp.where(ranked > 0, to_rank(score), jnp.inf)
+        best = some[jnp.argmin(score)]
         times = jnp.where(taken[best], observation.time + offsets / observation.speed, jnp.inf)
         waypoints = first_part(observation.position, tree.vertices[best], self.execute)
         marks = tree.marks[best]
         if self.zones is not None:
-            left, length = jnp.min(jnp.where(ranked > 0, score, jnp.inf)), tree.length[best]
+            left, length = jnp.min(score), tree.length[best]
             planned = (waypoints, marks, taken[best])
             waypoints, marks, measured = self._better(observation, belief, planned, left, length, offsets, affordable)
             times = jnp.where(measured, observation.time + offsets / observation.speed, jnp.inf)

@@ -44,7 +44,8 @@ def best_transit(
     in_reach = ways.length <= remaining
     best = lax.top_k(jnp.where(in_reach, worth[some] / (ways.length + interval), -1.0), min(_PREDICTED, len(some)))[1]
     length = ways.length[best]
-    rate = jnp.where(in_reach[best], gain(ways.ends[best][:, None]) / (length + interval), -jnp.inf)
+    gained = gain(ways.ends[best][:, None])
+    rate = jnp.where(in_reach[best] & ~jnp.isnan(gained), gained / (length + interval), -jnp.inf)
     chosen = jnp.argmax(rate)
     distance = jnp.where(in_reach[best[chosen]], length[chosen], jnp.inf)
     return Transit(waypoints(zones, ways, best[chosen]), distance, rate[chosen])

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.belief import to_rank
 from maipp.engine.decision import Observation
 from maipp.planners.policy_paths import virtual_views
 from maipp.planners.policy_planner import Choice, PolicyPlanner
@@ -41,7 +42,7 @@ def find_elites(
         scores = planner.interest.trace(
             *planner.outcomes(planner.counted(observation), situation, paths), observation.inside
         )
-    _, order = lax.top_k(-scores, config.elites)
+    _, order = lax.top_k(-to_rank(scores), config.elites)
     paths = jax.tree.map(lambda a: a[order], paths)
     # The nodes and the way that each step knew of: those it had come by so far, the last one again and again.
     count, steps = paths.nodes.shape
