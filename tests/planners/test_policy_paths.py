@@ -13,7 +13,7 @@ from sklearn.gaussian_process.kernels import Matern
 from maipp.belief import Matern32, condition
 from maipp.engine import Decision, Planner, draw_missions, reset
 from maipp.engine.advance import advance
-from maipp.engine.observe import observe
+from maipp.engine.observe import knowledge, observe
 from maipp.planners.intent import IntentPlanner
 from maipp.planners.policy_paths import Situation, path_measurements, sample_paths
 from maipp.planners.roadmap_step import edges
@@ -189,7 +189,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
         # One edge for real, then the paths from its end.
         first = Scripted(scenario, jnp.broadcast_to(roadmap.nodes[roadmap.neighbours[0, edge]], (STEPS, 2)))
         state = go(first, reset(first, mission))
-        observation = eqx.filter_jit(observe)(scenario, mission, state, agent, heard)
+        observation = eqx.filter_jit(observe)(mission, knowledge(mission, state, agent, heard))
         situation = planner.situation(observation, observation.belief, jnp.zeros(scenario.nodes))
         assert int(situation.here.node) == int(roadmap.neighbours[0, edge])
         paths, points, taken = sample(planner, situation, jax.random.key(edge))

@@ -8,7 +8,7 @@ import pytest
 
 from maipp.belief import predict
 from maipp.engine import draw_missions, reset
-from maipp.engine.observe import observe
+from maipp.engine.observe import knowledge, observe
 from maipp.errors import InputError
 from maipp.planners.policy_planner import PolicyPlanner, log_probability
 from maipp.policy import save_weights
@@ -42,7 +42,7 @@ def observation(planner):
             state.odometer + 0.3,
         ),
     )
-    return eqx.filter_jit(observe)(SCENARIO, mission, state, jnp.int32(0), jnp.zeros(1, bool))
+    return eqx.filter_jit(observe)(mission, knowledge(mission, state, jnp.int32(0), jnp.zeros(1, bool)))
 
 
 @eqx.filter_jit

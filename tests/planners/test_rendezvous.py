@@ -15,13 +15,13 @@ from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous,
 from maipp.roadmap import zones_of
 from maipp.scenario import Scenario
 
-MEETING = Rendezvous((0.5, 0.4), 0.1)
+MEETING = Rendezvous(jnp.array([0.5, 0.4]), jnp.asarray(0.1))
 unit = st.floats(0, 1, width=32)
 
 
 def test_a_team_meets_in_the_middle_where_radios_do_not_reach():
     meeting = rendezvous(Scenario(extent=(1.0, 0.8), comm_range=0.3))
-    assert meeting is not None and meeting.place == (0.5, 0.4)
+    assert meeting is not None and meeting.place.tolist() == [0.5, np.float32(0.4)]
     assert 2 * meeting.radius < 0.3  # any two who are there hear each other
     assert rendezvous(Scenario()) is None
     assert rendezvous(Scenario(agents=1, comm_range=0.3)) is None

@@ -23,7 +23,7 @@ EVENTS = 30
 @eqx.filter_jit
 def _events(planner, mission):
     def event(state, _):
-        agent = due_agent(state)
+        agent = due_agent(mission, state)
         now = jnp.where(state.active.any(), state.arrival[agent], state.time)
         there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
         there, heard = hear(mission, there, agent)

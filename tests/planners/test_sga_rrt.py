@@ -87,7 +87,7 @@ def record(mission):
     @jax.jit
     def events(mission):
         def event(state, _):
-            agent = due_agent(state)
+            agent = due_agent(mission, state)
             now = jnp.where(state.active.any(), state.arrival[agent], state.time)
             there = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, now))
             there, heard = hear(mission, there, agent)

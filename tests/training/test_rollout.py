@@ -203,7 +203,7 @@ def test_the_trace_is_that_of_the_agent_s_own_belief(learner, environments):
 
     @eqx.filter_jit
     def decide(environment, key):
-        mission = mission_of(scenario, learner.bank, environment.world)
+        mission = mission_of(learner.config, learner.bank, environment.world)
         observation = turn(mission, environment.state)[2]
         after, transition = step(CONFIG, scenario, planner, learner.bank, environment, key, "reinforce", 0.0)
         return after, transition.trace, observation, mission.grid

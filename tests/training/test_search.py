@@ -77,7 +77,7 @@ def test_the_best_path_leaves_the_lowest_trace_of_all_sampled(learner, searched)
 
     @eqx.filter_jit
     def decide(planner, environment):
-        mission = mission_of(learner.scenario, learner.bank, environment.world)
+        mission = mission_of(learner.config, learner.bank, environment.world)
         after, agent, observation = turn(mission, environment.state)
         roadmap = agent_roadmap(learner.bank, environment.world, agent)
         observation = dataclasses.replace(observation, roadmap=roadmap)

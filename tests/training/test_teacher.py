@@ -38,7 +38,7 @@ def seen():
     state = learner.initial()
     planner = learner.planner(state.network)
     environment = jax.tree.map(lambda a: a[0, 0], state.shards.environments)
-    mission = mission_of(learner.scenario, learner.bank, environment.world)
+    mission = mission_of(learner.config, learner.bank, environment.world)
     state, agent, observation = turn(mission, environment.state)
     roadmap = agent_roadmap(learner.bank, environment.world, agent)
     return planner, dataclasses.replace(observation, roadmap=roadmap)

@@ -89,7 +89,7 @@ def test_a_turned_world_looks_the_same_but_turned(learner, blind):
     seen = []
     for symmetry in range(8):
         world = turned_world(drawn.world, symmetry)
-        start = mission_of(scenario, learner.bank, world).start
+        start = mission_of(learner.config, learner.bank, world).start
         np.testing.assert_allclose(start, of(symmetry, learner.bank.start[world.roadmap]), atol=1e-6)
         state = dataclasses.replace(
             drawn.state,

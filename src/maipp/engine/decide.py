@@ -1,5 +1,7 @@
 """An agent's decision: the planner's answer to what it knows, as the polyline that its budget allows."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -10,7 +12,7 @@ from maipp.engine.polyline import cut_leg
 from maipp.engine.state import BY_PLANNER, NOT_FINITE, SPENT, TRAVELLING
 from maipp.problem import Problem
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Bool, Float, Int, Key, Point
+from maipp.typing import Array, Float, Int, Key, Point
 
 
 class Departure(eqx.Module):
@@ -23,7 +25,7 @@ class Departure(eqx.Module):
     memory: PyTree
 
     @property
-    def go(self) -> Bool[Array, ""]:
+    def go(self) -> Any:
         """Whether it goes on."""
         return self.stopped_by == TRAVELLING
 

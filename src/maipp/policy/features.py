@@ -2,7 +2,6 @@
 
 import jax.numpy as jnp
 
-from maipp.problem import longest_side
 from maipp.typing import Array, Extent, Float, Point, Points, Vector
 
 NODE_FEATURES = ("x", "y", "mean", "std", "intent")  # the columns of `node_features`
@@ -18,5 +17,5 @@ def node_features(
     deviation of the agent's belief at the node, in normalised units. f(v_j): fused intent of the other agents there.
     Source: Yang et al. 2023, Sec. IV-C (observation).
     """
-    offset = (nodes - position) / longest_side(extent)
+    offset = (nodes - position) / jnp.max(jnp.asarray(extent))
     return jnp.concatenate([offset, jnp.stack([mean, std, intent], axis=-1)], axis=-1)

@@ -3,13 +3,25 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from maipp.errors import InputError
+from maipp.scenario import Scenario, ScenarioError
 from maipp.seeds import LARGEST_SEED, check_seed
 
 # Added to the seeds that training draws worlds from: `maipp evaluate --seed` below this never meets any of them.
 TRAINING_SEEDS = 1_000_000_000
+
+
+Range = float | tuple[float, float]  # a number, or the ends that each mission's is drawn between
+
+# Numbers of a scenario that may be ranges, besides the budget and the communication range.
+RANGES = ("length_scale", "threshold", "beta", "noise", "measurement_interval", "speed")
+
+
+def ends(value: Any) -> tuple[Any, Any]:
+    """Both ends of a range; those of a number are the number."""
+    return value if isinstance(value, tuple) else (value, value)
 
 
 @dataclass(frozen=True)
@@ -24,9 +36,16 @@ class TrainConfig:
     policy: Literal["ti", "sga-catnipp"] = "ti"  # what is trained
     seed: int = 0
     # The worlds
-    agents: int = 3
-    length_scale: float = 0.45  # of the belief's kernel, domain units
+    agents: int = 3  # that there is room for
+    team: tuple[int, int] | None = None  # fewest and most that take part in a mission; none: all
     budget: tuple[float, float] = (1.5, 5.0)  # each mission's is drawn from this range, domain units
+    length_scale: Range = 0.45  # of the belief's kernel, domain units; here and below: one for all missions, or a range
+    threshold: Range = 0.4  # of the high-interest area
+    beta: Range = 1.0  # weight of the uncertainty in it
+    noise: Range = 1e-6  # variance of a measurement's noise
+    measurement_interval: Range = 0.2  # domain units
+    speed: Range = 1.0  # domain units per unit of time; drawn for each robot
+    comm_range: float | None | tuple[float, float | None] = None  # domain units; none: everybody is heard
     bank: int = 256  # roadmaps drawn beforehand, one team each; seen in 8 symmetries
     # One update
     shards: int = 2
@@ -76,7 +95,6 @@ class TrainConfig:
                 raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
         check_seed(self.seed, "training: seed", LARGEST_SEED - TRAINING_SEEDS)
         for name in (
-            "length_scale",
             "learning_rate",
             "search_rate",
             "gradient_norm",
@@ -94,6 +112,7 @@ class TrainConfig:
             )
         if self.elites > self.search_paths:
             raise InputError(f"training: elites: {self.elites}; give at most search_paths, {self.search_paths}")
+        self._check_ranges()
         if not 0 < self.budget[0] <= self.budget[1]:
             raise InputError(f"training: budget: {self.budget}; give [low, high] with 0 < low <= high")
         if (self.missions * self.events) % self.minibatch:
@@ -101,6 +120,23 @@ class TrainConfig:
                 f"training: minibatch: {self.minibatch} does not divide missions * events = "
                 f"{self.missions * self.events}; give a divisor"
             )
+
+    def _check_ranges(self) -> None:
+        """Raise InputError for a range that is empty, or has an end that no scenario may have."""
+        for name in (*RANGES, "comm_range"):
+            low, high = ends(getattr(self, name))
+            if name == "comm_range" and low is None and high is not None:
+                raise InputError(f"training: comm_range: [none, {high}]; give the shorter range first")
+            if low is not None and high is not None and low > high:
+                raise InputError(f"training: {name}: [{low}, {high}]; give [low, high] with low <= high")
+            for end in (low, high):
+                try:
+                    Scenario.create(**{name: end})
+                except ScenarioError as error:
+                    raise InputError(f"training: {name}: {error.problem}") from None
+        if self.team is not None and not 1 <= self.team[0] <= self.team[1] <= self.agents:
+            right = f"[fewest, most] with 1 <= fewest <= most <= agents, {self.agents}"
+            raise InputError(f"training: team: {list(self.team)}; give {right}")
 
     @property
     def minibatches(self) -> int:
@@ -149,8 +185,17 @@ NAMED: dict[str, TrainConfig] = {
         gradient_norm=10.0,
         evaluate_every=100,
     ),
+    # Draws every number that may be drawn.
     "smoke": TrainConfig(
-        budget=(2.0, 2.0),
+        team=(2, 3),
+        budget=(1.5, 2.0),
+        length_scale=(0.2, 0.8),
+        threshold=(0.3, 0.5),
+        beta=(0.5, 1.5),
+        noise=(1e-6, 1e-3),
+        measurement_interval=(0.2, 0.25),
+        speed=(0.8, 1.2),
+        comm_range=(0.3, None),
         bank=16,
         missions=8,
         paths=2,

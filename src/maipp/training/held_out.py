@@ -14,6 +14,7 @@ from maipp.planners import make_planner
 from maipp.policy import PolicyNetwork
 from maipp.scenario import Scenario
 from maipp.training.config import TrainConfig
+from maipp.training.ranges import middle
 
 # Apart from the seeds 0, 1, 2... that people give to `maipp evaluate` and to training.
 EVALUATION_SEED = 1_720_934_515
@@ -35,7 +36,7 @@ class HeldOutWorlds:
     def __init__(self, config: TrainConfig) -> None:
         """Draw them."""
         self.scenario = Scenario.create(
-            agents=config.agents, length_scale=config.length_scale, budget=config.evaluate_budget
+            agents=config.agents, length_scale=middle(config.length_scale), budget=config.evaluate_budget
         )
         self.name = PLANNERS[config.policy]
         self._planner = make_planner(self.name, self.scenario, {"weights": "untrained"})

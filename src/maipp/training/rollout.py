@@ -61,7 +61,7 @@ def new_environment(
     """A fresh mission in a world of its own."""
     world = draw_world(config, scenario, bank, key)
     plans = jnp.broadcast_to(no_plan(), (scenario.agents, *no_plan().shape))
-    return Environment(world, reset(planner, mission_of(scenario, bank, world)), plans)
+    return Environment(world, reset(planner, mission_of(config, bank, world)), plans)
 
 
 def step(
@@ -80,7 +80,7 @@ def step(
     """
     world, state, plans = environment
     act_key, teach_key, follow_key, pick_key, new_key = jax.random.split(key, 5)
-    mission = mission_of(scenario, bank, world)
+    mission = mission_of(config, bank, world)
     state, agent, observation = turn(mission, state)
     observation = dataclasses.replace(observation, roadmap=agent_roadmap(bank, world, agent))
     memory = jax.tree.map(lambda a: a[agent], state.memory)

@@ -1,6 +1,6 @@
 """Worlds to train in: a bank of roadmaps drawn beforehand, and fields, budgets and symmetries drawn on the fly."""
 
-import dataclasses
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -8,10 +8,11 @@ import jax.numpy as jnp
 
 from maipp.engine import Mission, draw_missions
 from maipp.fields import evaluation_grid, sample_mixture
-from maipp.problem import Params, params_of, shape_of
+from maipp.problem import Params, Shape, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
 from maipp.training.config import TRAINING_SEEDS, TrainConfig
+from maipp.training.ranges import draw_params, extreme_scenarios
 from maipp.typing import Array, Float, Index, Int, Key
 
 
@@ -34,8 +35,15 @@ class World(NamedTuple):
 
 
 def training_scenario(config: TrainConfig) -> Scenario:
-    """The scenario that missions are trained in; its budget is the largest of those drawn."""
-    return Scenario(agents=config.agents, length_scale=config.length_scale, budget=config.budget[1])
+    """The scenario with the largest of the numbers that missions draw."""
+    return extreme_scenarios(config)[1]
+
+
+@lru_cache(maxsize=8)
+def training_shape(config: TrainConfig) -> Shape:
+    """The shape that all missions fit: room for the longest budget at the shortest interval."""
+    low, high = extreme_scenarios(config)
+    return shape_of([low, high, low.replace(budget=config.budget[1])])
 
 
 def draw_bank(config: TrainConfig, scenario: Scenario, encodings: int) -> Bank:
@@ -46,7 +54,7 @@ def draw_bank(config: TrainConfig, scenario: Scenario, encodings: int) -> Bank:
 
 
 def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) -> World:
-    """A world: random roadmap of the bank in a random symmetry, random field, one random budget for all agents."""
+    """A world: random roadmap of the bank in a random symmetry, random field, numbers in the ranges of the config."""
     field_key, budget_key, row_key, symmetry_key, sign_key = jax.random.split(key, 5)
     grid = evaluation_grid(scenario.grid, scenario.extent)
     field = sample_mixture(
@@ -61,7 +69,7 @@ def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) ->
     return World(
         field=field,  # type: ignore[arg-type]  # a pytree of arrays
         truth=field(grid),
-        params=dataclasses.replace(params_of(scenario), budgets=jnp.full(scenario.agents, budget)),
+        params=draw_params(config, scenario, budget, key),
         roadmap=jax.random.randint(row_key, (), 0, bank.start.shape[0]),
         symmetry=jax.random.randint(symmetry_key, (), 0, 8),
         signs=jax.random.rademacher(sign_key, (bank.roadmap.encoding.shape[-1],), jnp.float32),
@@ -75,11 +83,12 @@ def turned(symmetry: Int[Array, ""], points: Float[Array, "*p 2"]) -> Float[Arra
     return jnp.where(mirror, 1.0 - points, points)
 
 
-def mission_of(scenario: Scenario, bank: Bank, world: World) -> Mission:
+def mission_of(config: TrainConfig, bank: Bank, world: World) -> Mission:
     """The mission to be simulated, without roadmaps: `agent_roadmap` gives the due agent's when it is asked for."""
-    grid = evaluation_grid(scenario.grid, scenario.extent)
+    shape = training_shape(config)
+    grid = evaluation_grid(shape.grid, world.params.extent)
     return Mission(
-        shape=shape_of(scenario),
+        shape=shape,
         params=world.params,
         field=world.field,
         grid=grid,
