@@ -8,7 +8,10 @@ import textwrap
 
 import pytest
 
-CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
+from maipp import devices
+from maipp.devices import core_count, cores_here
+
+CORES = range(core_count())
 SETTINGS = ("NPROC", "OPENBLAS_NUM_THREADS", "XLA_FLAGS")
 FLAGS = "--xla_cpu_multi_thread_eigen=false --xla_disable_hlo_passes=cpu-parallel-task-assigner"
 REPORT = """
@@ -135,3 +138,17 @@ def test_loops_are_not_cut_into_pieces_for_threads(flags, cut):
     assert ("outer_dimension_partitions" in compiled.as_text()) is {cut}
     """
     run(code, XLA_FLAGS=flags)
+
+
+@pytest.mark.parametrize("value", ["", " ", "many"])
+def test_an_empty_number_of_threads_is_none(value):
+    found = run("from maipp.devices import use_all_cores; use_all_cores(2)", NPROC=value)
+    assert found["devices"] == 2 and int(found["NPROC"]) >= 2 * 2 + 1
+
+
+def test_a_quota_of_time_is_a_number_of_cores(monkeypatch):
+    monkeypatch.setattr(devices, "cores_here", lambda: list(range(64)))
+    for quota, cores in [(None, 64), (2.0, 2), (1.5, 2), (0.1, 1), (100.0, 64)]:
+        monkeypatch.setattr(devices, "cpu_quota", lambda quota=quota: quota)
+        assert core_count() == cores
+    assert cores_here() != []

@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 FLOORS = (
-    ("typing", "errors", "devices", "files", "seeds", "yaml_text"),
+    ("typing", "errors", "cgroup", "devices", "files", "seeds", "yaml_text"),
     ("scenario", "scenario_checks", "scenario_fields", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),

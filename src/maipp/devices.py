@@ -1,6 +1,9 @@
 """Use every core: one JAX device per CPU core, so that missions shard over cores as they do over accelerators."""
 
+import math
 import os
+
+from maipp.cgroup import cpu_quota
 
 # XLA's thread pool has one thread per core. With as many devices as threads all of them can end up waiting for each
 # other (seen with jaxlib 0.10: missions on two devices never returned with two threads, and did with three). Training
@@ -17,16 +20,16 @@ _configured = False
 def use_all_cores(cores: int | None = None) -> None:
     """Make JAX show one CPU device per core; must run before JAX touches a device, and does nothing the second time.
 
-    An accelerator, where JAX finds one, stays the default backend. `cores` defaults to those this process may use.
+    An accelerator, where JAX finds one, stays the default backend. `cores` defaults to `core_count()`.
     """
     global _configured
     if _configured:
         return
     if cores is None:
-        cores = len(cores_here())
+        cores = core_count()
     # A device alone waits for no other, and with one thread its work does not wander between threads.
     threads = 1 if cores == 1 else _THREADS_PER_DEVICE * cores + _SPARE_THREADS
-    os.environ["NPROC"] = str(max(int(os.environ.get("NPROC", "0")), threads))
+    os.environ["NPROC"] = str(max(_whole(os.environ.get("NPROC", "")), threads))
     # The Cholesky factors come from OpenBLAS, whose own threads would spin against the devices (measured: 12 times
     # slower). It reads this when it is loaded, so it works for the command line, and for a library user who calls
     # this function before importing SciPy.
@@ -57,6 +60,18 @@ def cores_here() -> list[int]:
     if hasattr(os, "sched_getaffinity"):
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
+
+
+def core_count() -> int:
+    """How many cores this process may keep busy: those it may use, or fewer where a container has a quota of time."""
+    quota = cpu_quota()
+    cores = len(cores_here())
+    return cores if quota is None else max(1, min(cores, math.ceil(quota)))
+
+
+def _whole(text: str) -> int:
+    """The number that a variable of the environment holds; 0 where it holds none."""
+    return int(text) if text.strip().isdecimal() else 0
 
 
 def missions_devices() -> list:

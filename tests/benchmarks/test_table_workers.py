@@ -1,6 +1,7 @@
 """Cells computed by a process per core: each once, the same numbers, nobody left behind."""
 
 import copy
+import importlib
 import json
 import multiprocessing
 import os
@@ -16,11 +17,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.benchmarks import table_workers
+from maipp.benchmarks import table_worker, table_workers
 from maipp.benchmarks.cells import CELLS
 from maipp.benchmarks.table_rows import Row
 from maipp.benchmarks.table_run import Sample, cells, fill
-from maipp.benchmarks.table_workers import choose, default_workers
+from maipp.benchmarks.table_workers import choose, default_workers, fill_by_workers
 from maipp.errors import InputError
 
 SAMPLE = Sample(instances=2, trials=2, seed=3)
@@ -80,10 +81,55 @@ def test_a_worker_that_is_killed_costs_its_cell_and_is_told(every, tmp_path):
             assert worker.pid is not None
             os.kill(worker.pid, signal.SIGKILL)
 
-    with pytest.raises(InputError, match=r"random, budget 3, ended by itself \(exit code -9\).*fewer workers"):
+    with pytest.raises(InputError, match="random, budget 3, was ended by signal 9, .* memory.*fewer workers"):
         fill(every, tmp_path, report, workers=1)
     assert multiprocessing.active_children() == []
     assert fill(every[:2], tmp_path) == 2
+
+
+class Unreadable:
+    """What a worker cannot unpickle."""
+
+    def __reduce__(self):
+        return importlib.import_module, ("no_such_module",)
+
+
+def test_what_a_worker_cannot_import_is_told(every, tmp_path):
+    broken = copy.copy(every[0])
+    object.__setattr__(broken, "trials", Unreadable())
+    with pytest.raises(InputError, match="cannot make the cell: ModuleNotFoundError: No module named 'no_such"):
+        fill_by_workers([broken], tmp_path, 1, lambda *_: None)
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.parametrize(("end", "told"), [("_ends", r"by itself \(exit code 3\).*__main__"), ("_killed", "signal 9")])
+def test_how_a_worker_ended_is_told(every, monkeypatch, tmp_path, end, told):
+    """Before it could answer: such as a script without a guard, which fails while the worker begins."""
+    monkeypatch.setattr(table_workers, "work", globals()[end])
+    with pytest.raises(InputError, match=f"random, budget 2, .*{told}"):
+        fill_by_workers(every[:1], tmp_path, 1, lambda *_: None)
+
+
+def _ends(*_):
+    sys.exit(3)
+
+
+def _killed(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize(("quota", "pinned"), [(None, True), (1, False)])
+def test_workers_have_cores_of_their_own_but_not_of_a_quota(every, monkeypatch, tmp_path, quota, pinned):
+    monkeypatch.setattr(table_workers, "cores_here", lambda: [0, 1])
+    monkeypatch.setattr(table_workers, "core_count", lambda: quota or 2)
+    monkeypatch.setattr(table_workers, "work", _tells_its_core)
+    with pytest.raises(InputError, match="core 0" if pinned else "core None"):
+        fill_by_workers(every[:1], tmp_path, 1, lambda *_: None)
+
+
+def _tells_its_core(channel, folder, core):
+    channel.send(table_worker.Failed(f"core {core}", by_input=True))
+    channel.recv_bytes()
 
 
 @pytest.fixture
@@ -162,10 +208,21 @@ def test_every_cell_is_chosen_once_and_a_kind_is_shared_only_at_the_end(kinds, w
 
 
 def test_there_is_a_worker_per_core_where_memory_allows(monkeypatch):
-    monkeypatch.setattr(table_workers, "cores_here", lambda: list(range(6)))
-    for memory, workers in [(64 << 30, 6), (8 << 30, 4), (1 << 30, 1)]:
+    monkeypatch.setattr(table_workers, "core_count", lambda: 6)
+    for memory, limit, workers in [
+        (64 << 30, None, 6),
+        (64 << 30, 1 << 62, 6),
+        (8 << 30, None, 4),
+        (64 << 30, 8 << 30, 4),
+        (1 << 30, 8 << 30, 1),
+    ]:
         monkeypatch.setattr(os, "sysconf", lambda name, memory=memory: {"SC_PAGE_SIZE": 1}.get(name, memory))
+        monkeypatch.setattr(table_workers, "memory_limit", lambda limit=limit: limit)
         assert default_workers() == workers
+    monkeypatch.delattr(os, "sysconf")
+    assert default_workers() == 4
+    monkeypatch.setattr(table_workers, "memory_limit", lambda: None)
+    assert default_workers() == 6
     monkeypatch.setattr("jax.default_backend", lambda: "gpu")
     assert default_workers() == 0
 

@@ -1,4 +1,5 @@
 import json
+import os
 
 import numpy as np
 import pytest
@@ -7,6 +8,9 @@ from hypothesis import strategies as st
 
 from maipp.errors import InputError
 from maipp.live import LiveSurvey
+from maipp.live.measurements import Measurements
+from maipp.live.robots import Robot
+from maipp.live.serve import answer_line
 
 
 def text(answer):
@@ -289,3 +293,72 @@ def test_a_policy_s_memory_and_intents_outlive_the_process(scenario, team, tmp_p
         with opened("cut") as survey:
             assert text([survey.handle(event) for event in told]) == text(answers)
         assert (tmp_path / "cut").read_bytes() == b"".join(lines)
+
+
+# What an event changes is worked out before it is in the journal: the process and its restart never disagree.
+
+
+def broken(*_, **__):
+    raise ZeroDivisionError("injected")
+
+
+@pytest.mark.parametrize("name", ["note_measurement", "arrive", "leave", "grant"])
+def test_an_effect_that_fails_changes_nothing(make, tmp_path, monkeypatch, name):
+    event = {
+        "note_measurement": measured("e"),
+        "arrive": arrived("e"),
+        "leave": {"event": "gone", "id": "e", "robot": "robot1", "time": 0.5},
+        "grant": {"event": "budget", "id": "e", "robot": "robot1", "time": 0.5, "budget": 1.0},
+    }[name]
+    with make(tmp_path / "j") as survey:
+        survey.handle(arrived("first"))
+        before = text(survey.state()), text(survey.belief()), (tmp_path / "j").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(Robot, name, broken)
+            answer = answer_line(survey, json.dumps(event).encode(), 1)
+        assert answer["problem"] == "internal error, nothing was changed: ZeroDivisionError: injected"
+        assert before == (text(survey.state()), text(survey.belief()), (tmp_path / "j").read_bytes())
+        survey.handle(event)
+        after = text(survey.state()), text(survey.belief())
+    with make(tmp_path / "j") as again:
+        assert (text(again.state()), text(again.belief())) == after
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_after_an_event_that_is_only_in_the_journal_nothing_is_answered(make, tmp_path, monkeypatch, kept):
+    with make(tmp_path / "j" if kept else None) as survey:
+        survey.handle(arrived("first"))
+        with monkeypatch.context() as patch:
+            patch.setattr(Measurements, "add", broken)
+            problem = answer_line(survey, json.dumps(measured("m")).encode(), 1)["problem"]
+        told = "the event is in the journal, start again on it" if kept else "start anew"
+        assert problem == f"internal error, {told}: ZeroDivisionError: injected"
+        told = f"event 'm' was accepted, .*start this survey {'again on its journal' if kept else 'anew'}$"
+        for request in (measured("m"), arrived("a", time=2.0), {"query": "state"}, {"query": "belief"}):
+            with pytest.raises(InputError, match=told):
+                survey.handle(request)
+    if kept:
+        with make(tmp_path / "j") as again:
+            assert again.state()["measurements"] == 1
+
+
+def test_an_interrupt_while_the_journal_is_written_is_as_if_nothing_was_sent(make, tmp_path, monkeypatch):
+    with make(tmp_path / "j") as survey:
+        before = (tmp_path / "j").read_bytes()
+        calls, sync = [], os.fsync
+
+        def interrupted(file):
+            calls.append(file)
+            if len(calls) == 1:
+                raise KeyboardInterrupt
+            sync(file)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                survey.handle(measured("m"))
+        assert (tmp_path / "j").read_bytes() == before and survey.state()["measurements"] == 0
+        survey.handle(measured("n"))
+        after = text(survey.state())
+    with make(tmp_path / "j") as again:
+        assert text(again.state()) == after

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from maipp.devices import cores_here
+from maipp.devices import core_count
 
 PACKAGES = ("maipp", "jax", "jaxlib", "equinox", "numpy")
 
@@ -41,7 +41,7 @@ def machine() -> dict[str, Any]:
     devices = jax.local_devices()
     return {
         "cpu": cpu_model(),
-        "cores": len(cores_here()),
+        "cores": core_count(),
         "system": platform.platform(),
         "backend": jax.default_backend(),
         "device": devices[0].device_kind,

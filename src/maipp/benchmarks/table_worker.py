@@ -1,16 +1,20 @@
 """A process that computes cells on a core of its own. It imports JAX only once it is on that core."""
 
 import os
+import pickle
 import signal
 import threading
 import traceback
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from maipp.devices import use_one_core
 from maipp.errors import InputError
+
+if TYPE_CHECKING:  # it imports JAX
+    from maipp.benchmarks.cells import Cell
 
 
 class Progress(NamedTuple):
@@ -53,9 +57,21 @@ def _end_with_the_parent() -> None:
         os._exit(1)
 
 
-def _compute(channel: Connection, folder: Path) -> None:
-    cell = channel.recv()
+def _read(message: bytes) -> "Cell":
+    """The cell that was sent. Raises `InputError` where this process cannot import what it is made of."""
     try:
+        return pickle.loads(message)
+    except Exception as error:
+        raise InputError(
+            f"--workers: a process of its own cannot make the cell: {type(error).__name__}: {error}; put what it needs "
+            "in a module that can be imported, or give --workers 0"
+        ) from error
+
+
+def _compute(channel: Connection, folder: Path) -> None:
+    message = channel.recv_bytes()
+    try:
+        cell = _read(message)
         cell.fill(folder, lambda missions, _: channel.send(Progress(missions)))
         answer: Done | Failed = Done()
     except BrokenPipeError:

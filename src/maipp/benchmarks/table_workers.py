@@ -14,7 +14,8 @@ import jax
 
 from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.table_worker import Failed, Progress, work
-from maipp.devices import cores_here
+from maipp.cgroup import memory_limit
+from maipp.devices import core_count, cores_here
 from maipp.errors import InputError
 
 _MEMORY_OF_ONE = 2 << 30  # bytes that a worker may come to need: 1.4 GB was seen, most of it to compile
@@ -36,12 +37,17 @@ def default_workers() -> int:
     """One per core, fewer where memory would not do; none where JAX has an accelerator."""
     if jax.default_backend() != "cpu":
         return 0
-    most = len(cores_here())
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):  # not known here
-        return most
-    return max(1, min(most, memory // _MEMORY_OF_ONE))
+    memory = _memory()
+    return core_count() if memory is None else max(1, min(core_count(), memory // _MEMORY_OF_ONE))
+
+
+def _memory() -> int | None:
+    """Bytes that there are for this process; None where the system does not tell."""
+    limit = memory_limit()
+    known = [] if limit is None else [limit]
+    with suppress(AttributeError, ValueError, OSError):
+        known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return min(known, default=None)
 
 
 def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, busy: Collection[Hashable]) -> int:
@@ -65,11 +71,13 @@ def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, bu
 def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: Tell) -> None:
     """Compute and keep the cells, each on one core: their numbers do not depend on how many workers there are.
 
-    When this ends, however it does, no worker is left. Raises `InputError` where a cell does, and where a worker was
-    killed.
+    When this ends, however it does, no worker is left. Raises `InputError` where a cell does, and where a worker ended
+    by itself or was killed.
     """
     context = multiprocessing.get_context("spawn")
-    cores = cores_here()
+    cores: list[int | None] = [*cores_here()]
+    if core_count() < len(cores):  # a quota of time, not cores of one's own: the system chooses the idle ones
+        cores = [None]
     kinds = [_kind(cell) for cell in missing]
     waiting = list(range(len(missing)))
     team: list[_Worker] = []
@@ -121,10 +129,16 @@ def _receive(worker: _Worker, missing: Sequence[Cell]) -> object:
         return worker.channel.recv()
     except (EOFError, ConnectionResetError):
         worker.process.join()
-        cell = missing[worker.number]
+        cell, code = missing[worker.number], worker.process.exitcode or 0
+        who = f"--workers: the process that computed {cell.row.name}, budget {cell.budget:g},"
+        if code < 0:
+            raise InputError(
+                f"{who} was ended by signal {-code}, perhaps for want of memory; the same command goes on, give fewer "
+                "workers"
+            ) from None
         raise InputError(
-            f"--workers: the process that computed {cell.row.name}, budget {cell.budget:g}, ended by itself (exit code "
-            f"{worker.process.exitcode}), perhaps for want of memory; the same command goes on, give fewer workers"
+            f"{who} ended by itself (exit code {code}), as its own words above say; a script that starts workers must "
+            'do so under `if __name__ == "__main__":`'
         ) from None
 
 

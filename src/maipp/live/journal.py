@@ -50,7 +50,7 @@ class Journal:
     def append(self, record: dict[str, Any]) -> None:
         """Add a record and wait until it is on the disk.
 
-        Raises `InputError` where it cannot be written; the journal is then what it was.
+        Raises `InputError` where it cannot be written; the journal is then what it was, as after an interrupt.
         """
         body = json.dumps({"seq": self._count} | record, allow_nan=False, separators=(",", ":")).encode("ascii")
         chain = _checksum(self._chain, body[1:])
@@ -58,9 +58,11 @@ class Journal:
         try:
             _write(self._file, line)
             os.fsync(self._file)
-        except OSError as error:
+        except BaseException as error:  # an interrupt as well
             self._take_back()
-            raise InputError(f"{self.path}: cannot write the journal: {error.strerror or error}") from None
+            if isinstance(error, OSError):
+                raise InputError(f"{self.path}: cannot write the journal: {error.strerror or error}") from None
+            raise
         self._chain, self._size, self._count = chain, self._size + len(line), self._count + 1
 
     def _take_back(self) -> None:

@@ -1,7 +1,7 @@
 """What is known of each robot: where it was when, how far it has travelled, what it was told last."""
 
 from bisect import insort
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,10 @@ class Robot:
     planned: float = 0.0  # odometer at the last measurement that its leg was planned with
     # Time, odometer (-1: not told) at its measurements
     measured: list[tuple[float, float]] = field(default_factory=list)
+
+    def copy(self) -> "Robot":
+        """One that changes without this one."""
+        return replace(self, fixes=[*self.fixes], measured=[*self.measured])
 
     @property
     def position(self) -> Float[np.ndarray, "2"]:

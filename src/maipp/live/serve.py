@@ -34,7 +34,7 @@ def answer_line(survey: LiveSurvey, line: bytes, number: int) -> dict[str, Any]:
         problem = str(error)
     except Exception as error:  # a mistake of ours: the robots in the field still need answers
         traceback.print_exc(file=sys.stderr)
-        problem = f"internal error, nothing was changed: {type(error).__name__}: {error}"
+        problem = f"internal error, {survey.changed()}: {type(error).__name__}: {error}"
     answer = {"answer": "error", "id": name if isinstance(name, str) else None, "line": number}
     return answer | {"problem": " ".join(problem.split())}
 

@@ -49,6 +49,7 @@ class LiveSurvey:
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
         self._measurements = Measurements(len(setup.robots), setup.room, real)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
+        self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
         planner: Planner = world.planner
         numbers = world.mission.params
         self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
@@ -127,7 +128,11 @@ class LiveSurvey:
         raise InputError("neither an event nor a query; give one of the keys `event` and `query`")
 
     def report(self, event: Event) -> dict[str, Any]:
-        """The answer to an event, once it is in the journal. Raises `InputError` for one that is not right."""
+        """The answer to an event, once it is in the journal. Raises `InputError` for one that is not right.
+
+        What it changes is worked out before it is written down: where that fails, nothing has changed.
+        """
+        self._check_sound()
         digest = fingerprint(event)
         if event.id in self._answers:
             known, answer = self._answers[event.id]
@@ -136,17 +141,26 @@ class LiveSurvey:
             return copy.deepcopy(answer)
         inner = self._inside(event)
         answer, state = self._answer(event, inner)
+        effect = self._effect(event, inner, answer, state)
         if self._journal is not None:
-            self._journal.append({"event": write_event(event), "answer": answer} | ({"state": state} if state else {}))
-        self._apply(event, inner, digest, answer, state)
+            self._unsound = event.id
+            try:
+                record = {"event": write_event(event), "answer": answer} | ({"state": state} if state else {})
+                self._journal.append(record)
+            except BaseException:  # the journal is what it was
+                self._unsound = None
+                raise
+        self._apply(event, digest, answer, effect)
         return copy.deepcopy(answer)  # whatever the caller does with it, the next one gets the same
 
     def hello(self) -> dict[str, Any]:
         """Who answers here: protocol, planner, robots and units."""
+        self._check_sound()
         return queries.hello(self.world, self.setup, self._robots, len(self._answers))
 
     def state(self) -> dict[str, Any]:
         """What is known of the robots, and how much has been reported."""
+        self._check_sound()
         return queries.state(self.setup, self._robots, len(self._answers), len(self._measurements))
 
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
@@ -154,6 +168,7 @@ class LiveSurvey:
 
         Points of the grid that lie in no-go zones have `inside` false.
         """
+        self._check_sound()
         return queries.belief(self.world, self.setup, self._measurements, points)
 
     def warm_up(self) -> None:
@@ -161,6 +176,12 @@ class LiveSurvey:
         robot = self._robots[0]
         self._arrival(robot, robot.position, 0.0, 0.0).decided()
         self.belief()
+
+    def changed(self) -> str:
+        """After an error of ours, in words: what has become of the event."""
+        if self._unsound is None:
+            return "nothing was changed"
+        return "the event is in the journal, start again on it" if self._journal is not None else "start anew"
 
     @property
     def cut(self) -> int:
@@ -256,31 +277,47 @@ class LiveSurvey:
         units, left = self.setup.units, max(robot.budget - odometer, 0.0)
         return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
 
-    def _apply(
-        self, event: Event, inner: dict[str, Any], digest: bytes, answer: dict[str, Any], state: dict[str, Any] | None
-    ) -> None:
-        """What an answered event changes: the same whether it has just been answered or is read from the journal."""
-        self._answers[event.id] = digest, answer
-        robot, time = self._robot(event), inner["time"]
+    def _effect(
+        self, event: Event, inner: dict[str, Any], answer: dict[str, Any], state: dict[str, Any] | None
+    ) -> tuple[Robot, Sample | None]:
+        """What an answered event changes, as a new robot and a measurement: the same whether it has just been answered
+        or is read from the journal."""
+        robot, time, sample = self._robot(event).copy(), inner["time"], None
         if isinstance(event, Measurement):
             x, y = inner["position"].tolist()
-            index = self.setup.robots.index(event.robot)
-            self._measurements.add(Sample(time, index, x, y, inner["value"]))
+            sample = Sample(time, self.setup.robots.index(event.robot), x, y, inner["value"])
             robot.note_measurement(time, inner["travelled"])
         elif isinstance(event, Arrived):
             assert state is not None
             if "late" in state:
                 robot.note_late(time, state["late"])
-                return
-            leg = np.array(state["leg"], np.float64)
-            message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
-            robot.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
+            else:
+                leg = np.array(state["leg"], np.float64)
+                message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
+                robot.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
         elif isinstance(event, Gone):
             robot.leave(time, self._nothing[0])
         elif isinstance(event, Budget):
             robot.grant(inner["budget"], time, event.id)
         elif isinstance(event, Heard):
             robot.announce(time, inner["position"], inner["message"])
+        return robot, sample
+
+    def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: tuple[Robot, Sample | None]) -> None:
+        """Take over an effect. Once begun, nothing is answered until it has been done in full."""
+        robot, sample = effect
+        self._unsound = event.id
+        if sample is not None:
+            self._measurements.add(sample)
+        self._robots[self.setup.robots.index(event.robot)] = robot
+        self._answers[event.id] = digest, answer
+        self._unsound = None
+
+    def _check_sound(self) -> None:
+        """Raise `InputError` where an event is in the journal and not in what is known here."""
+        if self._unsound is not None:
+            way = "start this survey again on its journal" if self._journal is not None else "start this survey anew"
+            raise InputError(f"event {self._unsound[:60]!r} was accepted, and could not be taken over in full; {way}")
 
     # The journal.
 
@@ -314,5 +351,6 @@ class LiveSurvey:
         for record in self._journal.records[1:]:
             event = read_event(record["event"], self.setup.robots)
             inner = self._inside(event)
-            self._apply(event, inner, fingerprint(event), record["answer"], record.get("state"))
+            effect = self._effect(event, inner, record["answer"], record.get("state"))
+            self._apply(event, fingerprint(event), record["answer"], effect)
         self._journal.records.clear()
