@@ -1,8 +1,10 @@
 """The evaluation: what is drawn, what is averaged, what is written."""
 
+import dataclasses
 import json
 import os
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -162,3 +164,21 @@ def test_a_field_file_is_the_ground_truth_and_gives_the_domain_its_shape(tmp_pat
 def test_bad_counts_are_refused(counts, problem):
     with pytest.raises(InputError, match=problem):
         evaluate(SCENARIO, "greedy", **counts)
+
+
+def test_a_mission_that_is_not_a_number_is_refused_by_instance_and_trial(evaluation, monkeypatch):
+    def broken(*inputs, **named):
+        states = run_missions(*inputs, **named)
+        return eqx.tree_at(lambda s: s.measurement_y, states, states.measurement_y.at[4].set(np.nan))
+
+    monkeypatch.setattr(module, "run_missions", broken)
+    with pytest.raises(InputError, match="^instance 1, trial 1: trace is nan"):
+        evaluate(SCENARIO, "greedy", instances=2, trials=3, seed=5, timing=False)
+
+
+def test_a_value_that_is_not_a_number_reaches_no_file(evaluation, tmp_path):
+    values = {metric: rows.copy() for metric, rows in evaluation.values.items()}
+    values["rmse"][1, 2] = np.inf
+    with pytest.raises(InputError, match="^instance 1, trial 2: rmse is inf"):
+        save_evaluations([evaluation, dataclasses.replace(evaluation, values=values)], tmp_path / "out.json")
+    assert os.listdir(tmp_path) == []

@@ -147,3 +147,12 @@ def test_unknown_metrics_and_pages_without_marks_are_told(file):
         planner_table(read_results([file]), ["speed"])
     with pytest.raises(InputError, match="put them where the table should be"):
         with_table("no marks", "table")
+
+
+def test_a_result_without_a_finite_number_is_told(file, tmp_path):
+    document = json.loads(file.read_text(encoding="utf-8"))
+    document["evaluations"][0]["summary"]["rmse"]["mean"] = None  # what earlier versions wrote for NaN
+    (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
+    assert planner_table(read_results([tmp_path / "old.json"]))
+    with pytest.raises(InputError, match=r"old\.json: .* has no finite rmse at budget"):
+        planner_table(read_results([tmp_path / "old.json"]), ["rmse"])

@@ -1,5 +1,6 @@
 """Filling a table: nothing twice, nothing stale, nothing lost but the cell that an interrupt meets."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -49,7 +50,8 @@ def test_every_row_part_and_budget_has_its_cell(every, filled, tiny_table):
     assert [line.row.name for line in lines] == ["random", "greedy", "lawnmower"] * 2
     values = lines[0].results[2.0].values
     assert all(array.shape == (2, 2) and np.isfinite(array).all() for array in values.values())
-    assert {"trace", "own_trace", "true_trace", "rmse", "distance", "decisions"} == values.keys()
+    numbers = {"trace", "own_trace", "true_trace", "rmse", "distance", "decisions", "unspent"}
+    assert numbers | {"not_finite", "record_full"} == values.keys()
 
 
 def test_a_full_folder_is_not_computed_again(every, filled, monkeypatch):
@@ -121,3 +123,19 @@ def test_a_folder_that_cannot_be_made_is_told(every, tmp_path, filled):
     result = every[0].load(filled)
     with pytest.raises(InputError, match="cannot be made"):
         every[0].save(result, tmp_path / "file")
+
+
+def test_a_cell_that_is_not_a_number_is_neither_written_nor_read(every, filled, tmp_path):
+    cell = every[0]
+    result = cell.load(filled)
+    values = {metric: rows.copy() for metric, rows in result.values.items()}
+    values["true_trace"][1, 0] = np.nan
+    with pytest.raises(InputError, match="^instance 1, trial 0: true_trace is nan"):
+        cell.save(dataclasses.replace(result, values=values), tmp_path)
+    assert not list(tmp_path.rglob("*.json"))
+    copy(filled, tmp_path, [cell.file])
+    path = tmp_path / CELLS / cell.file
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["values"]["true_trace"][1][0] = float("nan")
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert cell.load(tmp_path) is None

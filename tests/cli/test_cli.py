@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import maipp
@@ -243,3 +244,56 @@ def test_evaluate_says_what_is_wrong_before_it_works(arguments, problem, capsys)
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ") and problem in captured.err
     assert captured.err.count("\n") == 1 and captured.out == ""
+
+
+NAN_WAY = """
+import jax.numpy as jnp
+from maipp.engine import Decision, Planner
+
+
+class NanWay(Planner):
+    'goes once, and then names NaN'
+
+    def initial_memory(self):
+        return jnp.zeros((), bool)
+
+    def decide(self, key, observation, memory):
+        ahead = jnp.where(observation.position < 0.5, 0.2, -0.2)
+        return Decision(jnp.where(memory, jnp.nan, observation.position + ahead)[None], (), jnp.asarray(True))
+"""
+
+
+def test_evaluate_warns_of_agents_that_it_had_to_stop(tmp_path, capsys):
+    (tmp_path / "bad.py").write_text(NAN_WAY, encoding="utf-8")
+    path, bad = tmp_path / "out.json", f"{tmp_path / 'bad.py'}:NanWay"
+    arguments = ["--planner", "greedy", bad, "--budget", "0.6", "--no-timing", "--json", str(path)]
+    assert main(["evaluate", *TINY, *arguments]) == 0
+    captured = capsys.readouterr()
+    good, row = json.loads(path.read_text(encoding="utf-8"))["evaluations"]
+    count = row["scenario"]["agents"] * row["instances"] * row["trials"]
+    assert np.sum(row["values"]["not_finite"]) == count and not np.any(good["values"]["not_finite"])
+    assert row["summary"]["unspent"]["mean"] == pytest.approx(0.6 - 0.2 * 2**0.5, abs=1e-5)
+    (warning,) = [line for line in captured.err.splitlines() if "warning" in line]
+    assert warning == (
+        f"warning: {bad}, budget 0.6: of {count} agents the engine stopped {count} at a waypoint that is not a finite "
+        "number; unspent budget 0.317 domain units each"
+    )
+    assert "unspent" in captured.out
+
+
+def test_a_row_that_cannot_be_scored_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys):
+    real = evaluate_command.evaluate
+
+    def refused(scenario, *arguments, **options):
+        if scenario.budget == 0.4:
+            raise InputError("instance 0, trial 0: trace is nan, not a finite number")
+        return real(scenario, *arguments, **options)
+
+    monkeypatch.setattr(evaluate_command, "evaluate", refused)
+    arguments = ["--planner", "greedy", "--budget", "0.6", "0.4", "--no-timing", "--json", str(tmp_path / "out.json")]
+    assert main(["evaluate", *TINY, *arguments]) == 2
+    captured = capsys.readouterr()
+    assert len(json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["evaluations"]) == 1
+    assert "greedy" in captured.out
+    assert captured.err.endswith("error: instance 0, trial 0: trace is nan, not a finite number\n")
+    assert main(["evaluate", *TINY, "--planner", "greedy", "--budget", "0.4", "--no-timing"]) == 2

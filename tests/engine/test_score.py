@@ -10,7 +10,13 @@ import pytest
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.episode import Episode
+from maipp.engine.episode_io import dump_episode
+from maipp.engine.finite import instance_and_trial
+from maipp.engine.found import found_by, score_found
 from maipp.engine.score import interest_of, pooled_belief, score_missions, trace_over_time
+from maipp.engine.state import BY_PLANNER, NOT_FINITE, RECORD_FULL, SPENT, TRAVELLING
+from maipp.errors import InputError
 from maipp.planners.random_walk import RandomWalk
 from maipp.scenario import Scenario
 
@@ -118,3 +124,54 @@ def test_pooled_belief_at_a_time_holds_what_was_measured_by_then(finished):
 def test_interest_is_the_scenarios():
     interest = interest_of(SCENARIO.replace(interest_rule="variance"))
     assert (interest.threshold, interest.beta, interest.rule) == (0.3, 0.5, "variance")
+
+
+def broken(finished, what):
+    """The same missions, the second of them with one number of NaN."""
+    missions, states = finished
+    if what == "value":
+        return missions, eqx.tree_at(lambda s: s.measurement_y, states, states.measurement_y.at[1, 0, 0].set(jnp.nan))
+    if what == "place":
+        return missions, eqx.tree_at(lambda s: s.measurement_x, states, states.measurement_x.at[1, 0, 0].set(jnp.nan))
+    spot = int(np.argmax(np.asarray(missions.inside[1])))
+    return eqx.tree_at(lambda m: m.truth, missions, missions.truth.at[1, spot].set(jnp.nan)), states
+
+
+@pytest.mark.parametrize("what", ["value", "place", "truth"])
+def test_a_mission_that_is_not_a_number_is_refused_with_its_number(finished, what):
+    with pytest.raises(InputError, match=r"^mission 1: .* is nan, not a finite number") as told:
+        score_missions(*broken(finished, what))
+    assert "\n" not in str(told.value)
+    with pytest.raises(InputError, match="^instance 2, trial 3: "):
+        score_missions(*broken(finished, what), name=instance_and_trial(4, 10))
+
+
+@pytest.mark.parametrize("rule", ["bound", "mean"])
+def test_what_a_belief_that_is_not_a_number_found_is_refused(finished, rule):
+    with pytest.raises(InputError, match="^mission 1: the predicted area is nan"):
+        score_found(*broken(finished, "value"), rule)
+
+
+def test_an_episode_that_is_not_a_number_is_refused_with_its_number(finished):
+    missions, states = broken(finished, "value")
+    episode = Episode.from_state(SCENARIO, "random", {}, 1, missions, states, index=1)
+    for use in (dump_episode, found_by, lambda episode: episode.metrics):
+        with pytest.raises(InputError, match="^mission 1 of seed 1: the mean is nan"):
+            use(episode)
+    dump_episode(Episode.from_state(SCENARIO, "random", {}, 1, missions, states, index=0))
+
+
+def test_unspent_is_what_the_engine_left_of_the_budgets(finished):
+    """Agents of the random walk travel their budgets; then one is stopped for each of the engine's reasons."""
+    missions, states = finished
+    metrics = score_missions(missions, states)
+    left = np.asarray(missions.params.budgets) - np.asarray(states.odometer)
+    np.testing.assert_allclose(metrics.unspent, left.mean(axis=1), atol=1e-5)
+    np.testing.assert_array_equal(metrics.unspent, 0.0)
+    assert not metrics.not_finite.any() and not metrics.record_full.any()
+    stopped = jnp.array([[SPENT, NOT_FINITE, NOT_FINITE], [RECORD_FULL, BY_PLANNER, TRAVELLING]], jnp.int8)
+    changed = eqx.tree_at(lambda s: (s.stopped_by, s.odometer), states, (stopped, states.odometer / 2))
+    metrics = score_missions(missions, changed)
+    np.testing.assert_array_equal(metrics.not_finite, [2, 0])
+    np.testing.assert_array_equal(metrics.record_full, [0, 1])
+    np.testing.assert_allclose(metrics.unspent, np.mean(SCENARIO.budgets) / 2, rtol=1e-5)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maipp.benchmarks.evaluate import Evaluation, Progress, evaluate
+from maipp.benchmarks.evaluate import Evaluation, Progress, evaluate, refuse_values
 from maipp.benchmarks.fingerprint import planner_fingerprint
 from maipp.benchmarks.table_rows import Row
 from maipp.errors import InputError
@@ -82,7 +82,8 @@ class Cell:
             if document["format"] != _FORMAT or document["made_by"] != self.made_by:
                 return None
             values = {metric: np.asarray(rows, np.float64) for metric, rows in document["values"].items()}
-            if any(array.shape != (self.instances, self.trials) for array in values.values()):
+            shape = (self.instances, self.trials)
+            if any(array.shape != shape or not np.isfinite(array).all() for array in values.values()):
                 return None
             return CellResult(values, float(document["wall_s"]), document["machine"], document["versions"])
         except (OSError, ValueError, KeyError, TypeError):
@@ -109,7 +110,11 @@ class Cell:
             self.save(self.compute(progress), folder)
 
     def save(self, result: CellResult, folder: Path) -> None:
-        """Write the file, whole or not at all. Raises `InputError` where it cannot be written."""
+        """Write the file, whole or not at all.
+
+        Raises `InputError` where it cannot be written, and for a value that is not a finite number.
+        """
+        refuse_values(result.values)
         try:
             (folder / CELLS).mkdir(parents=True, exist_ok=True)
         except OSError as error:

@@ -18,6 +18,7 @@ from maipp.benchmarks.latency import DecisionTime, decision_time
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.rollout import lanes_at_most
 from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
@@ -70,7 +71,11 @@ class Evaluation:
         return {metric: summarise(values) for metric, values in self.values.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, strings, lists and None, ready for JSON; per-mission values are `[instance][trial]`."""
+        """Plain numbers, strings, lists and None, ready for JSON; per-mission values are `[instance][trial]`.
+
+        Raises InputError for a value that is not a finite number, with its instance and trial.
+        """
+        refuse_values(self.values)
         return {
             "planner": self.planner,
             "options": {name: _plain(value) for name, value in self.options.items()},
@@ -84,8 +89,14 @@ class Evaluation:
             "wall_s": self.wall_s,
             "versions": dict(self.versions),
             "machine": dict(self.machine),
-            "values": {metric: _plain(values.tolist()) for metric, values in self.values.items()},
+            "values": {metric: values.tolist() for metric, values in self.values.items()},
         }
+
+
+def refuse_values(values: Mapping[str, Float[np.ndarray, "instances trials"]]) -> None:
+    """Raise InputError for a metric that is not a finite number, with its instance and trial."""
+    for metric, rows in values.items():
+        refuse_non_finite({metric: rows.reshape(-1)}, instance_and_trial(rows.shape[1]))
 
 
 def summarise(values: Float[np.ndarray, "instances trials"]) -> Summary:
@@ -126,7 +137,7 @@ def evaluate(
     planner = make_planner(planner_name, scenario, options)
     missions = _draw(scenario, field, seed, instances, trials, planner, shape)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-    metrics = _run_in_parts(planner, missions, key, progress)
+    metrics = _run_in_parts(planner, missions, key, trials, progress)
     values = {
         field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
         for field in dataclasses.fields(Metrics)
@@ -167,7 +178,7 @@ def to_json(evaluations: Sequence[Evaluation]) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def _run_in_parts(planner: Planner, missions: Mission, key: Key, progress: Progress | None) -> Metrics:
+def _run_in_parts(planner: Planner, missions: Mission, key: Key, trials: int, progress: Progress | None) -> Metrics:
     """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
     count = missions.start.shape[0]
     block = lanes_at_most(planner) * len(missions_devices())
@@ -179,7 +190,7 @@ def _run_in_parts(planner: Planner, missions: Mission, key: Key, progress: Progr
         part = jax.tree.map(lambda array, index=index: array[index], missions)
         states = run_missions(planner, part, key, first=first)
         done = min(first + size, count)
-        metrics = jax.device_get(score_missions(part, states))
+        metrics = jax.device_get(score_missions(part, states, name=instance_and_trial(trials, first)))
         scored.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))
         if progress is not None:
             progress(done, count)

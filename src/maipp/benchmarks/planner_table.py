@@ -79,6 +79,13 @@ class Result:
         """Instances, trials and seed."""
         return self.row["instances"], self.row["trials"], self.row["seed"]
 
+    def number(self, metric: str) -> str:
+        """Mean and standard error of a metric. Raises `InputError` where the file has no finite number for it."""
+        summary = self.row["summary"][metric]
+        if summary["mean"] is None or not math.isfinite(summary["mean"]):
+            raise InputError(f"{self.file}: {self.label} has no finite {metric} at budget {self.budget}; run it again")
+        return mean_and_error(summary["mean"], summary["se"])
+
     @property
     def label(self) -> str:
         """The planner and what is special about it."""
@@ -153,12 +160,7 @@ def _table(results: Sequence[Result], metric: str, *, facts: bool) -> str:
     heading += ["instances x trials, seed"] * several + ["message, bytes"] * facts + ["decision, ms (p95)"] * timed
     rows = []
     for (label, (instances, trials, seed)), cells in lines.items():
-        values = [
-            mean_and_error(cells[b].row["summary"][metric]["mean"], cells[b].row["summary"][metric]["se"])
-            if b in cells
-            else ""
-            for b in budgets
-        ]
+        values = [cells[b].number(metric) if b in cells else "" for b in budgets]
         last = max(cells.values(), key=lambda r: budgets.index(r.budget)).row
         time = last["decision_ms"]
         sizes = [str(last["message_bytes"])] * facts

@@ -17,6 +17,7 @@ from maipp.benchmarks.evaluate import Progress
 from maipp.benchmarks.fingerprint import code_digest
 from maipp.benchmarks.machine import machine, versions
 from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.finite import instance_and_trial
 from maipp.engine.score import Metrics, score_missions
 from maipp.fields.gp_field import draw_fields
 from maipp.planners import make_planner
@@ -43,7 +44,7 @@ class PriorCell(Cell):
         missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
         key = jax.random.fold_in(jax.random.key(self.seed), _PLANNER_STREAM)
         states = run_missions(planner, missions, key)
-        metrics = jax.device_get(score_missions(missions, states))
+        metrics = jax.device_get(score_missions(missions, states, name=instance_and_trial(self.trials)))
         if progress is not None:
             progress(self.instances * self.trials, self.instances * self.trials)
         values: Mapping[str, np.ndarray] = {

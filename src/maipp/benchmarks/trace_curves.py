@@ -10,6 +10,7 @@ from jax import lax
 
 from maipp.benchmarks.table_rows import Row, typed
 from maipp.engine import Mission, State, draw_missions, run_missions
+from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.observe import time_tolerance
 from maipp.engine.score import trace_over_time
 from maipp.planners import make_planner
@@ -41,6 +42,7 @@ def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> C
     distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval
     # Times are sums of float32 legs: each instant includes all of its own measurements.
     traces = _traces(missions, states, distance + time_tolerance(np.asarray(scenario.speeds)))
+    refuse_non_finite({"Tr(P)": traces}, instance_and_trial(1))
     return Curve(row, distance, np.asarray(traces, np.float64))
 
 

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
 from maipp.cli.options import PlannerFlags
+from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.problem import Shape, shape_of
@@ -59,7 +60,7 @@ def run(flags: Evaluate) -> int:
         _check_writable(Path(str(flags.json)))
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
     done: list[Evaluation] = []
-    code = 0
+    code, refused = 0, None
     try:
         with Progress(
             TextColumn("{task.description}"),
@@ -92,7 +93,13 @@ def run(flags: Evaluate) -> int:
     except KeyboardInterrupt:
         notes.print(f"interrupted: {len(done)} of {len(rows)} rows are done")
         code = INTERRUPTED
+    except InputError as error:  # a row that cannot be scored must not take those that are done with it
+        refused = error
+    if refused is not None and not done:
+        raise refused
     if not done:
+        if refused is not None:
+            raise refused
         return code
     # The table makes way where standard output is the JSON, and keeps its width where it goes to a file.
     out = Console(file=sys.stderr if flags.json == "-" else sys.stdout, highlight=False)
@@ -101,6 +108,10 @@ def run(flags: Evaluate) -> int:
         sys.stdout.write(to_json(done))
     elif to_file:
         notes.print(f"wrote {flags.json}")
+    for warning in filter(None, map(_stopped, done)):
+        notes.print(warning, markup=False)
+    if refused is not None:
+        raise refused
     return code
 
 
@@ -133,7 +144,7 @@ def _table(evaluations: list[Evaluation]) -> Table:
     caption = "se: over instances; std: over trials, of the mean; ms and p95: one decision"
     table = Table(title=_title(evaluations), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("planner", max_width=22, overflow="fold")
-    for heading in ("B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", "ms", "p95"):
+    for heading in ("B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", "unspent", "ms", "p95"):
         table.add_column(heading, justify="right", no_wrap=" " not in heading)
     for evaluation in evaluations:
         summary, time = evaluation.summary, evaluation.decision_ms
@@ -146,10 +157,23 @@ def _table(evaluations: list[Evaluation]) -> Table:
             _number(summary["own_trace"].mean),
             _number(summary["true_trace"].mean),
             _number(summary["rmse"].mean),
+            _number(summary["unspent"].mean),
             _number(time and time.median),
             _number(time and time.p95),
         )
     return table
+
+
+def _stopped(evaluation: Evaluation) -> str | None:
+    """The warning that the engine stopped agents of this row, if it did."""
+    values, scenario = evaluation.values, evaluation.scenario
+    return stopped_warning(
+        f"{evaluation.planner}, budget {_budget(scenario)}",
+        agents=scenario.agents * evaluation.instances * evaluation.trials,
+        not_finite=round(values["not_finite"].sum()),
+        record_full=round(values["record_full"].sum()),
+        unspent=f"{_number(values['unspent'].mean())} domain units each",
+    )
 
 
 def _title(evaluations: list[Evaluation]) -> str:

@@ -12,6 +12,7 @@ from jax import lax
 from maipp.belief import PriorSamples, condition, mutual_information
 from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.episode_units import Units
+from maipp.engine.finite import refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.observe import time_tolerance
 from maipp.engine.score import interest_of, kernel_of
@@ -222,7 +223,14 @@ class Episode:
             )
             for block in padded.reshape(-1, _BELIEFS_PER_CALL, masks.shape[1])
         ]
-        return GridBeliefs(*(np.concatenate(rows)[: len(masks)] for rows in zip(*blocks, strict=True)))
+        beliefs = GridBeliefs(*(np.concatenate(rows)[: len(masks)] for rows in zip(*blocks, strict=True)))
+        inside = {"the mean": beliefs.mean[:, self.inside], "the variance": beliefs.variance[:, self.inside]}
+        refuse_non_finite(inside, lambda _: self._name)
+        return beliefs
+
+    @property
+    def _name(self) -> str:
+        return f"mission {self.index} of seed {self.seed}"
 
 
 def shortest(value: np.generic) -> float:
@@ -245,6 +253,7 @@ def replay(episode: Episode) -> EpisodeMetrics:
     information: Any = jax.device_get(
         _information(problem_of(scenario), x.reshape(-1, 2), y.reshape(-1), taken, pooled.area[-1], episode.prior)
     )
+    refuse_non_finite({"mutual information": information, "the truth": episode.truth[inside]}, lambda _: episode._name)
     return EpisodeMetrics(
         trace=shortest(pooled.trace[-1]),
         own_trace=episode.own_beliefs().trace,

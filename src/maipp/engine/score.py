@@ -3,13 +3,16 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief, Interest, Matern32, condition, rmse, trace
+from maipp.engine.finite import mission_number, refuse_non_finite
 from maipp.engine.mission import Mission
-from maipp.engine.state import State
+from maipp.engine.state import NOT_FINITE, RECORD_FULL, State
 from maipp.problem import ScenarioLike
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float
 
 
@@ -22,6 +25,9 @@ class Metrics(eqx.Module):
     rmse: Float[Array, "*b"]  # of the pooled mean over the survey area, normalised field units
     distance: Float[Array, "*b"]  # travelled by the team, domain units
     decisions: Float[Array, "*b"]  # taken by the team
+    unspent: Float[Array, "*b"]  # budget that an agent had left, domain units, mean over agents
+    not_finite: Float[Array, "*b"]  # agents stopped at a waypoint that is not a finite number
+    record_full: Float[Array, "*b"]  # agents stopped since their record of the route was full
 
 
 def belief_of(mission: Mission, state: State, mask: Bool[Array, "m s"]) -> Belief:
@@ -84,6 +90,7 @@ def _score(mission: Mission, state: State) -> Metrics:
     def own(known: Bool[Array, "m s"]) -> Float[Array, ""]:
         return interest.trace(*moments(known), mission.inside)
 
+    left = mission.params.budgets - state.odometer
     return Metrics(
         trace=final,
         own_trace=jnp.sum(jnp.where(there, lax.map(own, state.known), 0.0)) / jnp.sum(there),
@@ -91,12 +98,26 @@ def _score(mission: Mission, state: State) -> Metrics:
         rmse=rmse(mean, mission.truth, mission.inside),
         distance=jnp.sum(state.odometer),
         decisions=state.events.astype(final.dtype),
+        unspent=jnp.sum(jnp.where(there & (left > DISTANCE_TOLERANCE), left, 0.0)) / jnp.sum(there),
+        not_finite=jnp.sum(state.stopped_by == NOT_FINITE).astype(final.dtype),
+        record_full=jnp.sum(state.stopped_by == RECORD_FULL).astype(final.dtype),
     )
 
 
+def score_missions(missions: Mission, states: State, *, name: Callable[[int], str] | None = None) -> Metrics:
+    """Metrics of a batch of finished missions.
+
+    Raises InputError where a metric is not a finite number, and says of which mission: by `name`, or its number in the
+    batch.
+    """
+    metrics = _score_missions(missions, states)
+    refuse_non_finite(vars(jax.device_get(metrics)), mission_number() if name is None else name)
+    return metrics
+
+
 @eqx.filter_jit
-def score_missions(missions: Mission, states: State) -> Metrics:
-    """Metrics of a batch of finished missions, one after the other to keep the memory of one."""
+def _score_missions(missions: Mission, states: State) -> Metrics:
+    """The metrics, one mission after the other to keep the memory of one."""
     return lax.map(lambda pair: _score(*pair), (missions, states))
 
 

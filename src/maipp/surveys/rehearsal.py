@@ -13,6 +13,7 @@ from jax import lax
 
 from maipp.belief import Matern32, rmse
 from maipp.engine import Mission, State, run_missions
+from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
 from maipp.engine.score import interest_of, pooled_belief
 from maipp.surveys.expected_mission import draw
@@ -179,11 +180,14 @@ def _outcome(mission: Mission, state: State) -> Outcome:
 def _in_units(prepared: PreparedSurvey, planner: str, count: int, outcome: Any) -> RehearsedTeam:
     frame = prepared.frame
     values = {field.name: np.asarray(getattr(outcome, field.name), np.float64) for field in dataclasses.fields(Outcome)}
+    shares = ("found", "found_before")  # NaN where the field has no high-interest area
+    numbers = {key: value for key, value in values.items() if key not in shares}
+    refuse_non_finite(numbers, lambda index: f"rehearsal of {planner} with {count} robots, field {index}")
     distance, longest = values.pop("distance"), values.pop("longest")
     for key in ("rmse", "rmse_before"):
         values[key] = frame.to_user_std(values[key])
     if prepared.survey.threshold is None:
-        for key in ("found", "found_before"):
+        for key in shares:
             values[key] = np.full_like(values[key], np.nan)
     minutes = longest * prepared.seconds_per_time / 60.0
     return RehearsedTeam(planner, count, distance=distance * frame.metres_per_unit, minutes=minutes, **values)
