@@ -50,13 +50,13 @@ def test_the_same_call_gives_the_same_numbers_and_another_seed_others():
 def test_another_budget_meets_the_same_worlds(monkeypatch):
     drawn = []
     monkeypatch.setattr(
-        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[2]) or run_missions(*inputs, **named)
+        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[1]) or run_missions(*inputs, **named)
     )
     for budget in (0.6, (0.4, 0.6)):
         evaluate(SCENARIO.replace(budget=budget), "greedy", instances=2, trials=3, seed=5, timing=False)
     np.testing.assert_array_equal(drawn[0].truth, drawn[1].truth)
     np.testing.assert_array_equal(drawn[0].roadmap.nodes, drawn[1].roadmap.nodes)
-    np.testing.assert_allclose(drawn[1].budgets, [[0.4, 0.6]] * 6)
+    np.testing.assert_allclose(drawn[1].params.budgets, [[0.4, 0.6]] * 6)
 
 
 def test_missions_kept_from_another_planner_have_the_encodings_that_this_one_reads(monkeypatch):
@@ -147,7 +147,7 @@ def test_a_field_file_is_the_ground_truth_and_gives_the_domain_its_shape(tmp_pat
     np.save(tmp_path / "ramp.npy", np.tile(np.linspace(0.0, 10.0, 21), (11, 1)))  # twice as wide as high
     drawn = []
     monkeypatch.setattr(
-        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[2]) or run_missions(*inputs, **named)
+        module, "run_missions", lambda *inputs, **named: drawn.append(inputs[1]) or run_missions(*inputs, **named)
     )
     scenario = SCENARIO.replace(field=str(tmp_path / "ramp.npy"))
     result = evaluate(scenario, "greedy", instances=2, trials=1, timing=False)
