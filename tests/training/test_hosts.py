@@ -1,6 +1,7 @@
 """Several processes train as one; flags that make no sense are refused."""
 
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -16,11 +17,13 @@ from safetensors.numpy import load
 from maipp.errors import InputError
 from maipp.policy import load_weights
 from maipp.training import hosts as module
-from maipp.training.checkpoint import checkpoints
+from maipp.training.checkpoint import checkpoints, save_checkpoint
+from maipp.training.config_io import config_to_dict, dump_config
 from maipp.training.hosts import from_host, hosts_of, join_hosts, to_host
 from maipp.training.journal import read_log
 
 SCRIPT = Path(__file__).with_name("tiny_run.py")
+FAKE_HOSTS = Path(__file__).with_name("fake_hosts.py")
 
 
 def free_port():
@@ -29,26 +32,32 @@ def free_port():
         return str(found.getsockname()[1])
 
 
-def run_tiny(*arguments):
-    """Run the script once for each tuple of arguments, at the same time."""
+def run_all(commands, timeout):
+    """Run Python with each of the arguments, at the same time; give the exit codes and what was printed."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     environment.pop("JAX_NUM_CPU_DEVICES", None)  # one device for each process
     running = [
         subprocess.Popen(
-            [sys.executable, str(SCRIPT), *map(str, each)],
+            [sys.executable, *map(str, each)],
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
-        for each in arguments
+        for each in commands
     ]
     try:
-        told = [process.communicate(timeout=400)[0] for process in running]
+        told = [process.communicate(timeout=timeout)[0] for process in running]
     finally:
         for process in running:
             process.kill()
-    assert [process.returncode for process in running] == [0] * len(running), "\n".join(told)
+    return [process.returncode for process in running], told
+
+
+def run_tiny(*arguments):
+    """Run the script once for each tuple of arguments, at the same time."""
+    codes, told = run_all([(SCRIPT, *each) for each in arguments], 400)
+    assert codes == [0] * len(arguments), "\n".join(told)
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +99,58 @@ def test_two_processes_go_on_from_one_and_get_its_weights(runs, tmp_path):
     np.testing.assert_allclose(losses[0], losses[1], atol=1e-4)
 
 
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def checkpoint_of_another_version(out, fake):
+    """A folder whose checkpoint is of another state than this version's."""
+    save_checkpoint(out / "checkpoints", 1, {"w": np.zeros(3)}, {"config": config_to_dict(fake.fake_config(2))})
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ("folder", r"process 0: .*zero: holds a training run already; --resume goes on with it"),
+        ("config", r"process 1: .*none\.yaml: "),
+        ("file", r"process 1: .*one: is a file; give a folder"),
+        ("learner", r"process 1: own\.safetensors: no such file"),
+        slow("checkpoint", r"process 0: .*000001: .*: not in both the checkpoint and this version's state"),
+        slow("evaluation", r"process 0: MemoryError: no room for the worlds"),
+        slow(None, ""),
+    ],
+)
+def test_a_process_that_cannot_go_on_ends_all_of_them(fault, says, fake, tmp_path):
+    """Each with exit code 2 and one line that says what was wrong where, and none once a wait for another times out.
+
+    An error that is nobody's input has its traceback where it was raised.
+    """
+    folders = [tmp_path / "zero", tmp_path / "one"]  # as on two machines that share no disk
+    files = [tmp_path / "given.yaml"] * 2
+    files[0].write_text(dump_config(fake.fake_config(2)))
+    if fault == "folder":
+        folders[0].mkdir()
+        (folders[0] / "log.jsonl").write_text("")
+    elif fault == "config":
+        files[1] = tmp_path / "none.yaml"
+    elif fault == "file":
+        folders[1].write_text("")
+    elif fault == "checkpoint":
+        checkpoint_of_another_version(folders[0], fake)
+    port, resume = free_port(), ["--resume"] if fault == "checkpoint" else []
+    commands = [
+        (FAKE_HOSTS, fault, port, process, "--out", folders[process], "--config", files[process], *resume)
+        for process in (0, 1)
+    ]
+    codes, told = run_all(commands, 400)
+    ends = {None: [0, 0], "evaluation": [1, 2]}
+    assert codes == ends.get(fault, [2, 2]), "\n".join(told)
+    for code, text in zip(codes, told, strict=True):
+        lines = [line for line in text.splitlines() if line.startswith("error: ")]
+        assert len(lines) == (code == 2) and ("Traceback" in text) == (code == 1), text
+        assert all(re.match(f"error: {says}", line) for line in lines), text
+
+
 def test_arrays_come_back_from_the_host_as_they_were():
     mesh = jax.sharding.Mesh(np.asarray(jax.local_devices()), ("devices",))
     split = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("devices"))
@@ -126,21 +187,20 @@ def test_the_host_copy_outlives_a_donated_buffer():
 )
 def test_flags_that_do_not_fit_together(flags, says):
     with pytest.raises(InputError, match=says):
-        join_hosts(2, **flags, environment={})
+        join_hosts(**flags, environment={})
 
 
 @pytest.mark.parametrize(
-    ("environment", "joins"),
-    [({}, False), ({"SLURM_NTASKS": "2"}, False), ({"SLURM_STEP_NUM_TASKS": "1"}, False)]
-    + [({"SLURM_STEP_NUM_TASKS": "2"}, True)],
+    ("environment", "tasks"),
+    [({}, 1), ({"SLURM_NTASKS": "2"}, 1), ({"SLURM_STEP_NUM_TASKS": "1"}, 1), ({"SLURM_STEP_NUM_TASKS": "2"}, 2)],
 )
-def test_a_step_of_several_slurm_tasks_is_joined(environment, joins, monkeypatch):
+def test_a_step_of_several_slurm_tasks_is_joined(environment, tasks, monkeypatch):
     calls = []
     monkeypatch.setattr(jax.distributed, "initialize", lambda *args, **kwargs: calls.append((args, kwargs)))
     monkeypatch.setattr(jax.config, "update", lambda *args: calls.append(args))
-    assert join_hosts(2, environment=environment).processes == 1  # nobody was really joined
+    assert join_hosts(environment=environment) == tasks
     gloo, slurm = ("jax_cpu_collectives_implementation", "gloo"), ((), {"cluster_detection_method": "slurm"})
-    assert calls == ([gloo, slurm] if joins else [])
+    assert calls == ([gloo, slurm] if tasks > 1 else [])
 
 
 @pytest.mark.parametrize(("shards", "used"), [(1, 1), (2, 2), (3, 1), (4, 2)])

@@ -113,7 +113,7 @@ def pull(config, scenario, planner, bank, environments, key, phase, follow):
             events.append(decision(agent, memory, trace=left, stopped=True, ended=agent == 1))
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *events)
 
-    return environments, jax.vmap(mission, out_axes=1)(jax.random.split(key, BANDIT.missions))
+    return environments, jax.vmap(mission, out_axes=1)(jax.random.split(key, config.missions))
 
 
 def test_ppo_solves_a_bandit(monkeypatch):

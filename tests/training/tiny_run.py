@@ -10,7 +10,7 @@ from pathlib import Path
 
 from maipp.devices import use_all_cores
 from maipp.training.config import TrainConfig
-from maipp.training.hosts import join_hosts
+from maipp.training.hosts import hosts_of, join_hosts
 from maipp.training.train import Step, train
 
 TINY = TrainConfig(
@@ -42,8 +42,8 @@ if __name__ == "__main__":
     given = parser.parse_args()
     use_all_cores(1)
     flags = {"coordinator": f"127.0.0.1:{given.port}", "process_id": given.process, "processes": 2}
-    hosts = join_hosts(TINY.shards, **(flags if given.port else {}), environment={})
-    processes = 2 if given.port else 1
+    processes = join_hosts(**(flags if given.port else {}), environment={})
+    hosts = hosts_of(TINY.shards)
     assert (len(hosts.devices), hosts.process, hosts.processes) == (processes, given.process or 0, processes), hosts
 
     def stop(step: Step) -> None:

@@ -15,7 +15,7 @@ from maipp.benchmarks.machine import machine, versions
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import find_config, load_config, override
 from maipp.training.curves import CURVE
-from maipp.training.hosts import join_hosts
+from maipp.training.hosts import all_or_none, hosts_of, join_hosts
 from maipp.training.journal import LOG
 from maipp.training.run_folder import CONFIG
 from maipp.training.train import BEST, FINAL, Step, TrainResult, train
@@ -56,10 +56,9 @@ class Train:
 
 def run(flags: Train) -> int:
     """Train; gives 130 when interrupted. Raises `InputError` for what is wrong, and when training diverges."""
-    config = _config(flags)
-    hosts = join_hosts(
-        config.shards, coordinator=flags.coordinator, process_id=flags.process_id, processes=flags.processes
-    )
+    processes = join_hosts(coordinator=flags.coordinator, process_id=flags.process_id, processes=flags.processes)
+    config = all_or_none(lambda: _config(flags), processes)
+    hosts = all_or_none(lambda: hosts_of(config.shards), processes)
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
     about = {"machine": machine() | {"processes": hosts.processes}, "versions": versions()}
     with _shown(notes, config) as progress:

@@ -1,8 +1,8 @@
 """Training on several machines: who takes part, and arrays that move between one host and all of them."""
 
 import os
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -10,9 +10,13 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from maipp.devices import missions_devices
-from maipp.errors import InputError
+from maipp.errors import InputError, one_line
 
 PyTree = Any
+T = TypeVar("T")
+
+# Room for the text of an error: `InputError` keeps it to 1000 characters, of at most 4 bytes each.
+_TEXT_BYTES = 4096
 
 
 class Hosts(NamedTuple):
@@ -24,17 +28,16 @@ class Hosts(NamedTuple):
 
 
 def join_hosts(
-    shards: int,
     *,
     coordinator: str | None = None,
     process_id: int | None = None,
     processes: int | None = None,
     environment: Mapping[str, str] = os.environ,
-) -> Hosts:
-    """Connect to the other processes of the run, if there are any; must come before JAX is used.
+) -> int:
+    """Connect to the other processes of the run, if there are any, and give their number; before JAX is used.
 
     `coordinator` is host:port of process 0; all three are needed, or none: then a job step of several SLURM tasks is
-    recognised by itself. Raises InputError for flags that do not fit together, and for shards that do not split.
+    recognised by itself. Raises InputError for flags that do not fit together, and where the others cannot be joined.
     """
     flags = {"--coordinator": coordinator, "--process-id": process_id, "--processes": processes}
     missing = [flag for flag, value in flags.items() if value is None]
@@ -43,8 +46,10 @@ def join_hosts(
     if not missing:
         _check(str(coordinator), int(process_id or 0), int(processes or 0))
     # srun sets it for each step; sbatch alone starts one process, whatever the number of tasks it has reserved.
-    slurm = bool(missing) and int(environment.get("SLURM_STEP_NUM_TASKS", "1")) > 1
-    if slurm or (processes is not None and processes > 1):
+    tasks = int(environment.get("SLURM_STEP_NUM_TASKS", "1"))
+    slurm = bool(missing) and tasks > 1
+    together = tasks if slurm else processes or 1
+    if together > 1:
         jax.config.update("jax_cpu_collectives_implementation", "gloo")  # the only one that needs no MPI
         try:
             if slurm:
@@ -54,7 +59,7 @@ def join_hosts(
         except (RuntimeError, ValueError) as error:
             where = "under SLURM" if slurm else f"at {coordinator}"
             raise InputError(f"cannot join the other processes {where}: {str(error).partition(chr(10))[0]}") from None
-    return hosts_of(shards)
+    return together
 
 
 def _check(coordinator: str, process_id: int, processes: int) -> None:
@@ -129,3 +134,38 @@ def any_of(flag: bool, processes: int) -> bool:
     if processes == 1:
         return flag
     return bool(np.any(multihost_utils.process_allgather(np.asarray(flag))))
+
+
+def all_or_none(action: Callable[[], T], processes: int) -> T:
+    """What the action gives, once it went well on every process; all processes must call it together.
+
+    For whatever can fail on one process alone, such as reading a file: the others would wait for it in the next
+    computation that they share. Raises InputError everywhere, with what was wrong on the first process where it failed;
+    there an error that is not an InputError is raised as it is.
+    """
+    if processes == 1:
+        return action()
+    failure: Exception | None = None
+    result: Any = None
+    try:
+        result = action()
+    except Exception as error:  # the others have to end, whatever it is
+        failure = error
+    texts = np.asarray(multihost_utils.process_allgather(_encoded(failure)))
+    if failure is not None and not isinstance(failure, InputError):
+        raise failure
+    for process, text in enumerate(texts):
+        if text[0]:
+            told = bytes(text[1:]).rstrip(bytes(1)).decode()
+            raise InputError(f"process {process}: {told}") from failure
+    return result
+
+
+def _encoded(failure: Exception | None) -> np.ndarray:
+    """An error as bytes of a fixed number: whether there is one, then its text."""
+    text = np.zeros(1 + _TEXT_BYTES, np.uint8)
+    if failure is not None:
+        told = str(failure) if isinstance(failure, InputError) else f"{type(failure).__name__}: {failure}"
+        line = one_line(told).encode()
+        text[0], text[1 : 1 + len(line)] = 1, np.frombuffer(line, np.uint8)
+    return text

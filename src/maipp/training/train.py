@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -18,11 +18,13 @@ from maipp.training.config import TrainConfig
 from maipp.training.config_io import config_to_dict, dump_config
 from maipp.training.curves import draw_learning_curve
 from maipp.training.held_out import EVALUATION_SEED, HeldOut, HeldOutWorlds
-from maipp.training.hosts import Hosts, any_of, from_first, from_host, hosts_of, to_host
+from maipp.training.hosts import Hosts, all_or_none, any_of, from_first, from_host, hosts_of, to_host
 from maipp.training.journal import Journal
 from maipp.training.learner import Learner
 from maipp.training.run_folder import CHECKPOINTS, Record, claim
 from maipp.training.signals import StopRequest
+
+T = TypeVar("T")
 
 BEST, FINAL = "best.safetensors", "final.safetensors"
 
@@ -76,13 +78,15 @@ def train(
     """Train into the folder `out`, or go on with the run it holds; Ctrl-C and SIGTERM save a checkpoint and return.
 
     `about` (the machine, say) goes into the cards of the weights. Resumed on the same device, a run ends with the same
-    bytes as one that was never stopped. Raises InputError for a folder that is taken or holds another configuration,
-    and DivergedError, which names the last good checkpoint, where the loss or a weight is no longer finite.
+    bytes as one that was never stopped.
+
+    Raises InputError for a folder that is taken or holds another configuration, and DivergedError, which names the last
+    good checkpoint, where the loss or a weight is no longer finite: on all processes, whichever of them cannot go on.
     """
-    hosts = hosts or hosts_of(config.shards)
+    hosts = hosts or all_or_none(lambda: hosts_of(config.shards), jax.process_count())
     _check_agreed(config, hosts)
-    claim(out, config, resume=resume, writes=hosts.process == 0)
-    learner = learner or Learner(config, hosts.devices)
+    all_or_none(lambda: claim(out, config, resume=resume, writes=hosts.process == 0), hosts.processes)
+    learner = learner or all_or_none(lambda: Learner(config, hosts.devices), hosts.processes)
     return _Run(config, out, hosts, learner, dict(about or {}), progress or (lambda step: None)).run()
 
 
@@ -117,8 +121,9 @@ class _Run:
 
     def run(self) -> TrainResult:
         """Train until done or asked to stop."""
-        if self.writes:
-            self.journal = Journal(self.out, updates=self.record.update, evaluated=self.record.evaluated)
+        self.journal = self._on_first(
+            lambda: Journal(self.out, updates=self.record.update, evaluated=self.record.evaluated)
+        )
         try:
             with StopRequest() as stop:
                 self._save()
@@ -127,8 +132,7 @@ class _Run:
         finally:
             if self.journal is not None:
                 self.journal.close()
-        if self.writes:
-            self._finish(interrupted)
+        self._on_first(lambda: self._finish(interrupted))
         return TrainResult(self.record, interrupted, self._checkpoint)
 
     def _loop(self, stop: StopRequest) -> bool:
@@ -179,10 +183,12 @@ class _Run:
 
     def _evaluate(self) -> None:
         """Score the network on the held-out worlds; keep it if it is the best so far."""
+        self.record = self.record._replace(evaluated=self.record.update)
+        self._on_first(self._score)
+
+    def _score(self) -> None:
+        """The evaluation itself, on the process that writes."""
         done = self.record.update
-        self.record = self.record._replace(evaluated=done)
-        if not self.writes:
-            return
         self.worlds = self.worlds or HeldOutWorlds(self.config)
         network = jax.tree.map(jnp.asarray, to_host(self.state.network))
         held_out = self.worlds.evaluate(network)
@@ -218,22 +224,25 @@ class _Run:
         """A checkpoint, unless there is one of this very update."""
         arrays = to_host(self.state)
         self.record = self.record._replace(wall_s=self._wall_s())
-        if self.writes:
-            about = {**self.record._asdict(), "config": config_to_dict(self.config), **self.about}
-            checkpoint.save_checkpoint(self.out / CHECKPOINTS, self.record.update, arrays, about)
+        about = {**self.record._asdict(), "config": config_to_dict(self.config), **self.about}
+        self._on_first(lambda: checkpoint.save_checkpoint(self.out / CHECKPOINTS, self.record.update, arrays, about))
         self.saved, self.saved_at = self.record.update, time.monotonic()
 
     def _load(self) -> tuple[Any, Record]:
         """The state and the record to go on from."""
         state = self.learner.initial()
         arrays = to_host(state)
-        loaded = checkpoint.load_latest(self.out / CHECKPOINTS, arrays) if self.writes else None
+        loaded = self._on_first(lambda: checkpoint.load_latest(self.out / CHECKPOINTS, arrays))
         if not any_of(loaded is not None, self.hosts.processes):
             return state, Record()
         found, card = loaded if loaded is not None else (arrays, Record()._asdict())
         update, evaluated = from_first(np.array([card["update"], card["evaluated"]]), self.hosts.processes)
         record = Record.from_card(card)._replace(update=int(update), evaluated=int(evaluated))
         return from_host(from_first(found, self.hosts.processes), state), record
+
+    def _on_first(self, action: Callable[[], T]) -> T | None:
+        """What the action gives on the process that writes, None on the others; where it fails, all of them end."""
+        return all_or_none(lambda: action() if self.writes else None, self.hosts.processes)
 
     def _finish(self, interrupted: bool) -> None:
         """The final weights and the figure."""
