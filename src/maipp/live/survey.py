@@ -20,6 +20,7 @@ from maipp.live.messages import describe, pack, unpack
 from maipp.live.request import PROTOCOL, Fields
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
+from maipp.live.whole import whole
 from maipp.live.world import Setup, World, draw_world, make_setup
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
@@ -136,6 +137,7 @@ class LiveSurvey:
             return copy.deepcopy(answer)
         inner = self._inside(event)
         answer, state = self._answer(event, inner)
+        whole(answer)
         if self._journal is not None:
             self._journal.append({"event": write_event(event), "answer": answer} | ({"state": state} if state else {}))
         self._apply(event, inner, digest, answer, state)
@@ -152,9 +154,9 @@ class LiveSurvey:
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
 
-        Points of the grid that lie in no-go zones have `inside` false.
+        Points of the grid that lie in no-go zones have `inside` false. Raises `InputError` where one is not finite.
         """
-        return queries.belief(self.world, self.setup, self._measurements, points)
+        return whole(queries.belief(self.world, self.setup, self._measurements, points))
 
     def warm_up(self) -> None:
         """Compile all that answers need, so that none has to wait for it."""
