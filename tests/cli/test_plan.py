@@ -171,3 +171,29 @@ def test_an_output_folder_that_is_a_file_is_refused(tmp_path):
     with pytest.raises(InputError, match="taken: is a file; give a folder"):
         run(small(tmp_path / "taken"))
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_planner_that_names_nan_is_told_with_what_is_unspent(tmp_path, capsys):
+    """Its robots go 0.3 of 1 and are then stopped."""
+    (tmp_path / "bad.py").write_text(
+        "import jax.numpy as jnp\n"
+        "from maipp.engine import Decision, Planner\n"
+        "class NanWay(Planner):\n"
+        "    def decide(self, key, observation, memory):\n"
+        "        ahead = jnp.where(observation.position < 0.5, 0.3, -0.3) * jnp.array([1.0, 0.0])\n"
+        "        first = observation.remaining == observation.budget\n"
+        "        return Decision(jnp.where(first, observation.position + ahead, jnp.nan)[None], (), memory)\n",
+        encoding="utf-8",
+    )
+    out, name = tmp_path / "out", f"{tmp_path / 'bad.py'}:NanWay"
+    assert run(small(out, planner=name, animation=False)) == 0
+    episode = read_episode(out / "episode.json")
+    assert [agent.stopped_by for agent in episode.agents] == ["not-finite"] * 2
+    assert episode.unspent == pytest.approx(0.7, abs=1e-5)
+    captured = capsys.readouterr()
+    assert re.search(r"budget unspent +0\.7 domain units, mean over the agents", captured.out)
+    (warning,) = [line for line in captured.err.splitlines() if line]
+    assert warning == (
+        f"warning: {name}: of 2 agents the engine stopped 2 at a waypoint that is not a finite number; "
+        "unspent budget 0.7 domain units, mean over the agents"
+    )

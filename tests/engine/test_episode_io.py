@@ -87,6 +87,7 @@ def change(record, path, value):
         ("agents/0/measurements/time", [0.1] * 9, r"agents\[0\].measurements.time: has 9 entries; the scenario allows"),
         ("agents/0/known/1", 99, r"agents\[0\].known\[1\]: is 99, but agent 1 took"),
         ("agents/0/speed", 0, r"agents\[0\].speed: is 0.0"),
+        ("agents/0/stopped_by", "tired", r"agents\[0\].stopped_by: 'tired' is no reason to stop; there are planner, "),
         ("metrics/own_trace", {}, "metrics.own_trace: must be a list"),
         ("metrics/curve/time", [], "metrics.curve.time: is empty"),
         ("truth/3", [1.0], r"truth\[3\]: has 1 entries; there must be 8"),
@@ -186,3 +187,10 @@ def test_columns_of_the_same_name_are_told_apart(episode):
     there = dataclasses.replace(episode, mapping=dataclasses.replace(MAPPING, value_name="time", x_name='a,"b"'))
     header = list(table(measurements_csv(there))[0])
     assert header == ["agent", "order", 'a,"b"', "northing", "time_4", "time_5"]
+
+
+def test_a_file_from_before_reasons_to_stop_were_kept_is_read(episode, text):
+    assert {agent.stopped_by for agent in episode.agents} <= {"planner", "budget"}
+    assert [agent.stopped_by for agent in parse_episode(text).agents] == [a.stopped_by for a in episode.agents]
+    older = parse_episode(json.dumps(change(json.loads(text), "agents/0/stopped_by", None)))
+    assert older.agents[0].stopped_by is None and older.unspent == episode.unspent

@@ -362,3 +362,20 @@ def test_an_interrupt_while_the_journal_is_written_is_as_if_nothing_was_sent(mak
         after = text(survey.state())
     with make(tmp_path / "j") as again:
         assert text(again.state()) == after
+
+
+def test_an_answer_that_is_not_a_number_is_refused_and_changes_nothing(make, monkeypatch, tmp_path):
+    from maipp.live import queries
+    from maipp.live import survey as module
+
+    with make(journal=tmp_path / "journal") as survey:
+        real = queries.believe
+        monkeypatch.setattr(queries, "believe", lambda *known: tuple(np.full_like(a, np.nan) for a in real(*known)))
+        with pytest.raises(InputError, match=r"^mean\[0\]: the answer would be nan"):
+            survey.handle({"query": "belief"})
+        decide = module.decide_arrival
+        monkeypatch.setattr(module, "decide_arrival", lambda *all: decide(*all)._replace(arrival=np.inf))
+        before, kept = text(survey.state()), (tmp_path / "journal").read_bytes()
+        with pytest.raises(InputError, match="^arrival: the answer would be inf"):
+            survey.handle(arrived("a"))
+        assert text(survey.state()) == before and (tmp_path / "journal").read_bytes() == kept

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from maipp.cli.options import PlannerFlags
+from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 from maipp.scenario import Scenario
@@ -146,6 +147,8 @@ def report(episode: "Episode", paths: list[Path]) -> None:
     distances = ", ".join(f"{length:.4g}" for length in lengths)
     if len(lengths) > 4:
         distances = f"{sum(lengths):.4g} in all, {min(lengths):.4g} to {max(lengths):.4g} each,"
+    length = "" if scale and episode.mapping else " domain units"
+    unspent = f"{episode.unspent * (scale or 1.0):.4g}{length}, mean over the agents"
     table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
     table.add_column()
     table.add_column(justify="left")
@@ -157,7 +160,8 @@ def report(episode: "Episode", paths: list[Path]) -> None:
         ("Tr(P), true area", f"{metrics.true_trace:.4g}"),
         ("RMSE", f"{float(units.std(metrics.rmse)):.4g}" + (f" ({units.value})" if episode.mapping else "")),
         ("mutual information", f"{metrics.mutual_information:.4g} nats"),
-        ("distance travelled", distances + ("" if scale and episode.mapping else " domain units")),
+        ("distance travelled", distances + length),
+        ("budget unspent", unspent),
         ("measurements", f"{count}, after {episode.decisions} decisions of {episode.message_bytes} bytes sent each"),
     ):
         table.add_row(name, value)
@@ -167,6 +171,16 @@ def report(episode: "Episode", paths: list[Path]) -> None:
     console.print(table)
     for path in paths:
         console.print(f"wrote {path}", markup=False)
+    reasons = [agent.stopped_by for agent in episode.agents]
+    warning = stopped_warning(
+        episode.planner,
+        agents=len(reasons),
+        not_finite=reasons.count("not-finite"),
+        record_full=reasons.count("record-full"),
+        unspent=unspent,
+    )
+    if warning is not None:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(warning, markup=False)
     if all(path.name != _REPORT for path in paths):
         console.print(f"left out {_REPORT}: it needs plotly, pip install 'maipp[geo]'", markup=False)
 

@@ -16,11 +16,11 @@ from maipp.engine.finite import refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.observe import time_tolerance
 from maipp.engine.score import interest_of, kernel_of
-from maipp.engine.state import State
+from maipp.engine.state import REASONS, State
 from maipp.fields import evaluation_grid
 from maipp.fields.raster import Mapping
 from maipp.problem import Problem, problem_of
-from maipp.scenario import Scenario
+from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.typing import Array, Bool, Float, Int
 
 # Beliefs computed by one call of the compiled function. One size for every purpose means one compilation, and a
@@ -43,6 +43,7 @@ class AgentRecord:
     measurement_y: Float[np.ndarray, " n"]  # the values
     measurement_time: Float[np.ndarray, " n"]  # when
     known: Int[np.ndarray, " m"]  # measurements of each agent, the first so many, that it knew at its last decision
+    stopped_by: str | None = None  # one of `state.REASONS`; None where it is not known, or has not stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +133,7 @@ class Episode:
                     measurement_time=host.measurement_time[index, agent, taken],
                     # Slots fill in order of time and are passed on whole, so what is known is always a beginning.
                     known=host.known[index, agent].sum(axis=-1),
+                    stopped_by=REASONS[host.stopped_by[index, agent]],
                 )
             )
         batch = host.route.shape[0]
@@ -169,6 +171,12 @@ class Episode:
     def distance(self) -> float:
         """Path travelled by the team, domain units."""
         return sum(agent.distance for agent in self.agents)
+
+    @property
+    def unspent(self) -> float:
+        """Budget that an agent had left at the end, mean over agents, domain units."""
+        left = [agent.budget - agent.distance for agent in self.agents]
+        return float(np.mean([rest if rest > DISTANCE_TOLERANCE else 0.0 for rest in left]))
 
     @property
     def end(self) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from maipp.belief import PriorSamples
 from maipp.engine.checked_json import Key, pretty
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
+from maipp.engine.state import REASONS
 from maipp.errors import InputError
 from maipp.fields.raster import Mapping
 from maipp.files import write_atomic
@@ -176,6 +177,7 @@ def _agent(agent: AgentRecord) -> dict[str, Any]:
             "time": _plain(agent.measurement_time),
         },
         "known": agent.known.tolist(),
+        **({} if agent.stopped_by is None else {"stopped_by": agent.stopped_by}),
     }
 
 
@@ -240,7 +242,15 @@ def _read_agent(key: Key, scenario: Scenario, real: np.dtype) -> AgentRecord:
         measurement_y=measured["value"].numbers(real, len(measurement_time)),
         measurement_time=measurement_time,
         known=key["known"].wholes(scenario.agents),
+        stopped_by=_read_reason(key["stopped_by"]) if "stopped_by" in key.mapping() else None,
     )
+
+
+def _read_reason(key: Key) -> str:
+    reason = key.text()
+    if reason not in REASONS:
+        key.wrong(f"{reason!r} is no reason to stop; there are {', '.join(filter(None, REASONS))}")
+    return reason
 
 
 def _read_prior(key: Key, real: np.dtype) -> PriorSamples:

@@ -18,6 +18,7 @@ BY_PLANNER = 1  # its planner said so
 SPENT = 2  # no budget left, or its planner wanted to go nowhere
 NOT_FINITE = 3  # its planner named a waypoint that is not a finite number
 RECORD_FULL = 4  # its record of the route holds no more vertices
+REASONS = (None, "planner", "budget", "not-finite", "record-full")  # the same in records of a survey
 
 
 class State(eqx.Module):

@@ -19,6 +19,7 @@ from maipp.live.messages import describe, pack, unpack
 from maipp.live.request import PROTOCOL, Fields
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
+from maipp.live.whole import whole
 from maipp.live.world import Setup, World, draw_world, make_setup
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
@@ -141,6 +142,7 @@ class LiveSurvey:
             return copy.deepcopy(answer)
         inner = self._inside(event)
         answer, state = self._answer(event, inner)
+        whole(answer)
         effect = self._effect(event, inner, answer, state)
         if self._journal is not None:
             self._unsound = event.id
@@ -166,10 +168,10 @@ class LiveSurvey:
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
 
-        Points of the grid that lie in no-go zones have `inside` false.
+        Points of the grid that lie in no-go zones have `inside` false. Raises `InputError` where one is not finite.
         """
         self._check_sound()
-        return queries.belief(self.world, self.setup, self._measurements, points)
+        return whole(queries.belief(self.world, self.setup, self._measurements, points))
 
     def warm_up(self) -> None:
         """Compile all that answers need, so that none has to wait for it."""
