@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = (
     ("typing", "errors", "devices", "files", "yaml_text"),
-    ("scenario", "scenario_checks", "scenario_fields", "scenario_io"),
+    ("geo", "scenario", "scenario_checks", "scenario_fields", "scenario_io"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
     ("policy", "viz", "missions", "adapters"),
