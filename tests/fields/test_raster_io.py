@@ -274,6 +274,6 @@ def test_gaps_are_filled_from_the_nearest_value_and_told(suffix, tmp_path):
 def test_a_full_grid_has_nothing_missing(tmp_path):
     np.savez(tmp_path / "f.npz", z=VALUES, x=X, y=Y)
     data = load_raster(tmp_path / "f.npz", gaps="nearest")
-    assert data.missing is None and data.crs is None
+    assert data.missing is None and not data.crs.located
     assert_is_the_grid(data)
     assert data.known(np.array([[100.0, -3.0], [200.1, 0.0]])).tolist() == [True, False]

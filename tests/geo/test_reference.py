@@ -74,7 +74,6 @@ def test_a_picture_across_the_180th_meridian_has_a_width():
         ("uptake (mg/(L h))", "uptake", "mg/(L h)"),
         ("depth (chart) (m)", "depth (chart)", "m"),
         ("salt", "salt", None),
-        (None, "value", None),
         ("(m)", "(m)", None),
     ],
 )

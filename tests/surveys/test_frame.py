@@ -56,23 +56,6 @@ def test_values_are_standardised_so_that_high_ones_matter(below):
     assert frame.to_domain_values(16.0) == (-1.0 if below else 1.0)
     assert frame.to_user_values(frame.to_domain_values(np.array([3.0, 99.0]))).tolist() == [3.0, 99.0]
     assert frame.to_user_std(0.5) == 2.0
-    mapping = frame.mapping
-    assert mapping.to_file_values(frame.to_domain_values(7.0)) == pytest.approx(7.0)
-    assert mapping.to_file_points(np.array([1.0, 0.25])).tolist() == [502000.0, 5400500.0]
-    assert mapping.value_name == "salt (g/L)" and mapping.x_name == "x (m)"
-
-
-def test_pictures_in_degrees_are_near_enough():
-    frame = Frame(True, (-123.9, 49.4), (-74500.0, -63000.0), (149000.0, 126000.0))
-    corner = np.array([1.0, frame.extent[1]])
-    off = frame.to_metres(frame.picture_mapping.to_file_points(corner)) - frame.to_metres(frame.to_user(corner))
-    assert np.hypot(*off) < 0.012 * frame.metres_per_unit
-    assert frame.mapping.to_file_points(np.zeros(2)).tolist() == [-74500.0, -63000.0]
-
-
-def test_a_picture_across_the_180th_meridian_has_a_width():
-    frame = Frame(True, (180.0, -17.0), (-5000.0, -5000.0), (10000.0, 10000.0))
-    assert 0 < frame.picture_mapping.size[0] < 0.2
 
 
 def test_longitudes_are_wrapped():

@@ -73,7 +73,7 @@ def grid_from_rows(
     path: Path,
     table: Float[np.ndarray, "n 3"],
     lines: list[int],
-    names: tuple[str | None, ...],
+    names: tuple[str | None, str | None, str | None],
     fill: bool = False,
 ) -> RasterData:
     """The grid that x,y,value rows in any order fill; InputError where a cell is missing or given twice.

@@ -36,9 +36,9 @@ class GeoReference:
     domain: Pair  # (width, height) of the domain, domain units
     value_at_zero: float = 0.0  # user's value that becomes 0: the smallest, or the prior mean
     value_at_one: float = 1.0  # user's value that becomes 1; below value_at_zero where low values matter
-    x_name: str | None = None
-    y_name: str | None = None
-    value_name: str | None = None  # with the unit behind it, as in "depth (m)"
+    x_name: str = "x"
+    y_name: str = "y"
+    value_name: str = "value"  # with the unit behind it, as in "depth (m)"
     plane: Crs = PLANE
     user: Crs | None = None  # of the coordinates that people write and read; None: the plane's
     metres_per_unit: float | None = None  # true metres in a domain unit; None where it is not known
@@ -76,13 +76,13 @@ class GeoReference:
     @property
     def unit(self) -> str | None:
         """Unit of the values: what stands in brackets behind their name."""
-        behind = _UNIT_BEHIND.search(self.value_name or "")
+        behind = _UNIT_BEHIND.search(self.value_name)
         return behind[1] if behind else None
 
     @property
     def quantity(self) -> str:
         """Name of the values without their unit."""
-        return _UNIT_BEHIND.sub("", self.value_name or "value")
+        return _UNIT_BEHIND.sub("", self.value_name)
 
     @property
     def inverted(self) -> bool:

@@ -14,6 +14,7 @@ HostPoints = Float[np.ndarray, "*n 2"]
 
 # The WGS84 ellipsoid (NGA.STND.0036): equatorial radius in metres, and the first eccentricity squared.
 _RADIUS, _ECCENTRICITY2 = 6_378_137.0, 6.694379990141316e-3
+_SAME = 1e-4  # a projection whose scales differ by less is meant to have one
 _STEP = 50.0  # metres: half the length that a unit is measured over, short enough to be straight
 
 
@@ -85,17 +86,19 @@ def ground_scale(crs: Crs, place: tuple[float, float]) -> tuple[float, float] | 
     ends = np.array(place) + step * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
     west, east, south, north = transform(ends, crs, WGS84).tolist()
     geodesic = load_pyproj(str(crs)).Geod(ellps="WGS84")
-    scales = [geodesic.inv(*a, *b)[2] / (2 * step) for a, b in ((west, east), (south, north))]
-    return scales[0], scales[1]
+    across, along = (geodesic.inv(*a, *b)[2] / (2 * step) for a, b in ((west, east), (south, north)))
+    if math.isclose(across, along, rel_tol=_SAME):
+        across = along = (across + along) / 2
+    return across, along
 
 
 @lru_cache(maxsize=32)
 def _transformer(source: Crs, target: Crs) -> Any:
     pyproj = load_pyproj(f"converting {source} to {target}")
-    systems = [pyproj.CRS.from_user_input(crs.name) for crs in (source, target)]
     # Where no way between two datums is known PROJ would take them for one, which is off by some 100 m. For a datum
     # without a name, as weather models have it, there is nothing better; for others it is an error.
     try:
+        systems = [pyproj.CRS.from_user_input(crs.name) for crs in (source, target)]
         return pyproj.Transformer.from_crs(*systems, always_xy=True, allow_ballpark=any(map(_nameless, systems)))
     except pyproj.exceptions.ProjError:
         raise InputError(

@@ -1,13 +1,13 @@
 """The three coordinate systems of a survey: the user's, local metres, and the scenario's domain units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.fields.raster import Mapping
+from maipp.geo import GeoReference
 from maipp.typing import Float
 
 HostPoints = Float[np.ndarray, "*n 2"]
@@ -86,32 +86,13 @@ class Frame:
         return -self.std if self.below else self.std
 
     @property
-    def mapping(self) -> Mapping:
-        """The exact affine map to local metres and the unit, for the record of a survey.
-
-        In metric surveys these are the user's own coordinates; in geographic ones metres east and north of `centre`.
-        """
-        names = ("east of the centre (m)", "north of the centre (m)") if self.geographic else ("x (m)", "y (m)")
-        return self._mapping(self.origin, self.size, names)
-
-    @property
-    def picture_mapping(self) -> Mapping:
-        """The map to user coordinates for pictures: in degrees only near enough, as meridians are not parallel.
-
-        At 150 km and 50 degrees of latitude the corners are 0.4 % of the side off, ten times less at 15 km.
-        """
-        if not self.geographic:
-            return self.mapping
-        width, height = self.extent
-        middle = np.array([[0.0, height / 2], [width, height / 2], [width / 2, 0.0], [width / 2, height]])
-        west, east, south, north = self.to_user(middle)
-        east[0] += 360.0 * (east[0] < west[0])
-        size = (float(east[0] - west[0]), float(north[1] - south[1]))
-        return self._mapping((float(west[0]), float(south[1])), size, ("longitude (deg E)", "latitude (deg N)"))
-
-    def _mapping(self, origin: tuple[float, float], size: tuple[float, float], names: tuple[str, str]) -> Mapping:
-        zero, one = self.mean, self.mean + self._signed_std
-        return Mapping(origin, size, self.extent, zero, one, *names, self.value_name)
+    def reference(self) -> GeoReference:
+        """The same with the names of coordinates and values, for the record of a survey."""
+        west, south = self.origin
+        bounds = (west, south, west + self.size[0], south + self.size[1])
+        there = GeoReference.of_area(bounds, self.centre if self.geographic else None)
+        there = there.standardised(self.mean, self.std, below=self.below)
+        return replace(there, value_name=self.value_name)
 
 
 def project(centre: tuple[float, float], points: HostPoints) -> HostPoints:
