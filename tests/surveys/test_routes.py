@@ -82,7 +82,7 @@ def test_long_legs_in_degrees_get_vertices_so_that_both_lines_agree(planned):
     )
     points, times = vertices(prepared, agent)
     assert len(points) > 6 and (np.diff(times) > 0).all()
-    dense = prepared.frame.to_metres(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), 0.01)))
+    dense = prepared.frame.to_plane(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), 0.01)))
     straight = shapely.linestrings(agent.route.astype(float) * prepared.frame.metres_per_unit + prepared.frame.origin)
     assert shapely.distance(straight, shapely.points(dense)).max() < prepared.margin / 2
     assert prepared.margin > 0

@@ -90,9 +90,19 @@ class GeoReference:
         return self.value_at_one < self.value_at_zero
 
     @property
+    def mean(self) -> float:
+        """What 0 is in the user's unit: the prior mean of a survey."""
+        return self.value_at_zero
+
+    @property
     def std(self) -> float:
         """What 1 is in the user's unit: the prior standard deviation of a survey."""
         return abs(self.value_at_one - self.value_at_zero)
+
+    @property
+    def scale(self) -> float:
+        """Plane units in a domain unit along x; of a survey, whose plane has local metres, metres in any direction."""
+        return self.size[0] / self.domain[0]
 
     @property
     def units_per_domain(self) -> Pair:

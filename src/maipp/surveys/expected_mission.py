@@ -44,7 +44,7 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
         states = jax.block_until_ready(run_missions(prepared.scenario, planner, missions, key))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
     episode = Episode.from_state(
-        prepared.scenario, prepared.planner, options, seed, missions, states, reference=prepared.frame.reference
+        prepared.scenario, prepared.planner, options, seed, missions, states, reference=prepared.frame
     )
     return Expected(episode, told)
 
