@@ -21,7 +21,7 @@ from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.rollout import lanes_at_most
 from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
-from maipp.fields.raster import Raster, load_raster
+from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.scenario import Scenario
@@ -104,6 +104,7 @@ def evaluate(
     seed: int = 0,
     timing: bool = True,
     longest_budget: float | None = None,
+    field: Raster | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
@@ -111,7 +112,8 @@ def evaluate(
     Instance i of a seed is the same world for every planner, so results can be paired; a trial draws fresh roadmaps
     and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
     this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
-    as its extent, and its instances differ in the start only. `timing=False` saves one compilation.
+    as its extent, and its instances differ in the start only; `field` is that file where it is not to be read with the
+    defaults of `read_field`. `timing=False` saves one compilation.
 
     `longest_budget` compiles for that budget, so that evaluations that differ in their budget alone share one
     compilation: the numbers stay what they are up to rounding, short missions take longer. Only for planners that read
@@ -122,7 +124,10 @@ def evaluate(
     if seed < 0:
         raise InputError(f"seed: {seed} is negative; give a whole number >= 0")
     begun = time.perf_counter()
-    scenario, field = _with_field(scenario)
+    if field is None and scenario.field is not None:
+        field = read_field(scenario.field)
+    if field is not None:
+        scenario = scenario.replace(extent=field.domain)
     shapes = scenario if longest_budget is None else scenario.replace(budget=longest_budget)
     if longest_budget is not None and longest_budget < max(scenario.budgets):
         raise InputError(f"longest_budget: {longest_budget:g} is below the scenario's {max(scenario.budgets):g}")
@@ -131,8 +136,8 @@ def evaluate(
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     metrics = _run_in_parts(shapes, planner, missions, key, progress)
     values = {
-        field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
-        for field in dataclasses.fields(Metrics)
+        each.name: np.asarray(getattr(metrics, each.name), np.float64).reshape(instances, trials)
+        for each in dataclasses.fields(Metrics)
     }
     return Evaluation(
         scenario=scenario,
@@ -217,14 +222,6 @@ def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadm
     return draw_missions(
         scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, encodings=encodings
     )
-
-
-def _with_field(scenario: Scenario) -> tuple[Scenario, Raster | None]:
-    """The field of the scenario's file, and the scenario with its shape; None for drawn mixtures."""
-    if scenario.field is None:
-        return scenario, None
-    field = Raster.from_data(load_raster(scenario.field))
-    return scenario.replace(extent=field.domain), field
 
 
 def _check_counts(**counts: int) -> None:

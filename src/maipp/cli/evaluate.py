@@ -13,8 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
-from maipp.cli.options import PlannerFlags
+from maipp.cli.options import FieldFlags
 from maipp.errors import InputError
+from maipp.fields.raster import Raster
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.scenario import Scenario
 
@@ -22,8 +23,11 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Evaluate(PlannerFlags):
-    """Score planners on held-out missions; all planners and budgets meet the same worlds."""
+class Evaluate(FieldFlags):
+    """Score planners on held-out missions; all planners and budgets meet the same worlds.
+
+    With --field that is the file's field, read as `maipp plan` reads it, and missions differ in their starts.
+    """
 
     budget: Annotated[tuple[float, ...], tyro.conf.arg(metavar="LENGTH [LENGTH ...]", help_behavior_hint="")] = ()
     """length of path each agent may travel, domain units; several are evaluated one by one"""
@@ -49,7 +53,8 @@ class Evaluate(PlannerFlags):
 
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
-    rows = _rows(flags)
+    field = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
+    rows = _rows(flags, field)
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable(Path(str(flags.json)))
@@ -79,6 +84,7 @@ def run(flags: Evaluate) -> int:
                     trials=flags.trials,
                     seed=flags.seed,
                     timing=flags.timing,
+                    field=field,
                     progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
                 )
                 done.append(evaluation)
@@ -99,7 +105,7 @@ def run(flags: Evaluate) -> int:
     return code
 
 
-def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
+def _rows(flags: Evaluate, field: Raster | None = None) -> list[tuple[str, Scenario, dict[str, str]]]:
     """Planner, scenario and options of every row. Raises `InputError` for what is wrong with any of them."""
     if not flags.planner:
         raise InputError(f"--planner: none given; give one or more of {', '.join(planner_names())}")
@@ -108,7 +114,7 @@ def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
     given = flags.planner_options()
     rows = []
     for budget in flags.budget or (None,):
-        scenario = flags.to_scenario(budget)
+        scenario = flags.in_field(flags.to_scenario(budget), field)
         for planner, own in names.items():
             # An option goes to the planners that have it; one that nobody has is refused by the first.
             others = set().union(*names.values()) - own
