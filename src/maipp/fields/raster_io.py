@@ -11,7 +11,8 @@ from typing import NoReturn
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.fields.raster_csv import csv_columns, grid_from_rows, parse_csv
+from maipp.fields.csv_table import read_table
+from maipp.fields.raster_csv import csv_columns, grid_from_rows
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric
 from maipp.fields.raster_geotiff import read_geotiff
 from maipp.fields.raster_netcdf import read_netcdf
@@ -144,10 +145,11 @@ def _read_npy(path: Path, value: str | None, extent: Sequence[float] | None, fil
 
 
 def _read_csv(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
-    header, table, lines = parse_csv(path)
-    if header is None and not (table.shape[1] == 3 and len(table) >= 4):
+    table = read_table(path)
+    header, width = table.header, len(table.rows[0])
+    if header is None and not (width == 3 and len(table.rows) >= 4):
         _refuse_value(path, value)
-        return without_coordinates(path, table, extent, fill)
+        return without_coordinates(path, table.numbers(range(width)), extent, fill)
     refuse_extent(path, extent)
     if header is None:
         _refuse_value(path, value)
@@ -155,7 +157,7 @@ def _read_csv(path: Path, value: str | None, extent: Sequence[float] | None, fil
     else:
         columns = csv_columns(path, header, value)
         names = header[columns[0]], header[columns[1]], header[columns[2]]
-    return grid_from_rows(path, table[:, columns], lines, names, fill)
+    return grid_from_rows(path, table.numbers(columns), table.lines, names, fill)
 
 
 def _refuse_value(path: Path, value: str | None) -> None:
