@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = (
     ("typing", "errors", "cgroup", "devices", "files", "seeds", "yaml_text"),
-    ("scenario", "scenario_checks", "scenario_fields", "scenario_io", "problem"),
+    ("geo", "scenario", "scenario_checks", "scenario_fields", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
     ("policy", "viz", "missions", "adapters"),

@@ -12,13 +12,13 @@ def test_the_demo_s_field_is_the_strait():
     field = bathymetry()
     depth = np.asarray(field.values) * DEPTH
     assert depth.min() == 0.0 and 400 < depth.max() < 500
-    scenario = scenario_for(field.mapping)
+    scenario = scenario_for(field.reference)
     assert scenario.extent == field.domain
     assert 0.05 < (depth >= INTERESTING).mean() < 0.25
-    assert field.mapping.to_file_values(scenario.threshold) == pytest.approx(INTERESTING)
-    assert field.mapping.to_file_points(np.array(scenario.start)) == pytest.approx(np.array(START))
+    assert field.reference.to_user_values(scenario.threshold) == pytest.approx(INTERESTING)
+    assert field.reference.to_user(np.array(scenario.start)) == pytest.approx(np.array(START))
     # A degree of longitude is shorter than one of latitude there: the proportions are metric.
-    scale_x, scale_y = (size / side for size, side in zip(field.mapping.size, field.domain, strict=True))
+    scale_x, scale_y = (size / side for size, side in zip(field.reference.size, field.domain, strict=True))
     assert scale_y / scale_x == pytest.approx(np.cos(np.radians(49.4)), abs=0.01)
 
 

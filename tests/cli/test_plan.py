@@ -158,7 +158,7 @@ def test_bad_flags_are_named_before_anything_is_written(tmp_path, flags, message
         ({"start": (20.0, 50.0)}, "--start: 20 50 is outside the field; give x from 100 to 200 and y from 40 to 90"),
         ({"low": 9.0, "high": 3.0}, "low must be below high"),
         ({"value": "depth"}, "leave out value"),
-        ({"geographic": True, "corners": (0.0, 720.0, 0.0, 1.0)}, "geographic needs degrees"),
+        ({"geographic": True, "corners": (0.0, 720.0, 0.0, 1.0)}, "said to be degrees, but x spans 720"),
     ],
 )
 def test_bad_flags_for_a_file_are_named(tmp_path, raster, flags, message):

@@ -25,11 +25,11 @@ from maipp.engine.episode_io import (
     write_episode,
 )
 from maipp.engine.score import score_missions
-from maipp.fields.raster import Mapping
+from maipp.geo import GeoReference
 from maipp.planners.sga_rrt import SgaRrt
 from maipp.scenario import Scenario
 
-MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
+MAPPING = GeoReference((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))
 GOLDEN = Path(__file__).parent / "golden" / "prior.json"
 
@@ -120,9 +120,9 @@ def test_replay_depends_on_the_measurements(episode):
 def test_a_mapping_and_obstacles_survive(episode):
     scenario = episode.scenario.replace(obstacles=[[[0.1, 0.1], [0.5, 0.1], [0.3, 0.4]]])
     inside = np.arange(64) % 7 > 0
-    there = dataclasses.replace(episode, scenario=scenario, inside=inside, mapping=MAPPING)
+    there = dataclasses.replace(episode, scenario=scenario, inside=inside, reference=MAPPING)
     again = parse_episode(dump_episode(there))
-    assert again.mapping == MAPPING and again.scenario == scenario
+    assert again.reference == MAPPING and again.scenario == scenario
     np.testing.assert_array_equal(again.inside, inside)
 
 

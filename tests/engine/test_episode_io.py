@@ -22,10 +22,10 @@ from maipp.engine.episode_io import (
     waypoints_csv,
 )
 from maipp.errors import InputError
-from maipp.fields.raster import Mapping
+from maipp.geo import GeoReference
 from maipp.scenario import Scenario
 
-MAPPING = Mapping((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
+MAPPING = GeoReference((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))
 
 
@@ -43,7 +43,7 @@ def keys_of(value, prefix=""):
 def test_every_key_is_documented(episode):
     page = (Path(__file__).parents[2] / "docs" / "episode.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
-    written = set(keys_of(json.loads(dump_episode(dataclasses.replace(episode, mapping=MAPPING, prior=PRIOR)))))
+    written = set(keys_of(json.loads(dump_episode(dataclasses.replace(episode, reference=MAPPING, prior=PRIOR)))))
     fields = {f"scenario.{name}" for name in Scenario.__dataclass_fields__}  # documented in docs/scenario.md
     assert fields <= written
     assert written - fields <= documented
@@ -117,6 +117,30 @@ def test_numbers_that_are_not_finite_are_refused(text, literal):
         parse_episode(changed, source="survey.json")
 
 
+def test_records_of_earlier_versions_are_read(episode):
+    record = json.loads(dump_episode(dataclasses.replace(episode, reference=MAPPING)))
+    for key in ("plane", "user", "metres_per_unit"):
+        del record["mapping"][key]
+    record["mapping"]["x_name"] = None
+    there = parse_episode(json.dumps(record)).reference
+    assert there == dataclasses.replace(MAPPING, x_name="x")
+
+
+def test_the_place_of_a_survey_reads_back(episode):
+    place = GeoReference.of_area((-50.0, -50.0, 50.0, 50.0), (13.3, 53.4)).standardised(9.0, 4.0)
+    text = dump_episode(dataclasses.replace(episode, reference=place))
+    assert parse_episode(text).reference == place
+    for key, value, told in (
+        ("metres_per_unit", -1.0, "mapping.metres_per_unit: is -1.0; it must be above 0"),
+        ("user", {}, "mapping.user.geographic: missing"),
+        ("plane", {"geographic": 1, "crs": None, "metres": None}, "mapping.plane.geographic: must be true or false"),
+    ):
+        record = json.loads(text)
+        record["mapping"][key] = value
+        with pytest.raises(InputError, match=told):
+            parse_episode(json.dumps(record))
+
+
 def test_every_key_is_required(text):
     record = json.loads(text)
     for path in {key.replace("[].", "/0/").replace(".", "/") for key in keys_of(record)}:
@@ -165,7 +189,7 @@ def test_tables_without_a_file_are_in_domain_units(episode):
 
 
 def test_tables_of_a_field_from_a_file_are_in_its_units(episode):
-    there = dataclasses.replace(episode, mapping=MAPPING)
+    there = dataclasses.replace(episode, reference=MAPPING)
     first = table(waypoints_csv(there))[0]
     assert list(first) == ["agent", "order", "easting", "northing", "time", "distance"]
     start = episode.agents[0].start
@@ -178,13 +202,13 @@ def test_tables_of_a_field_from_a_file_are_in_its_units(episode):
 
 
 def test_distances_stay_in_domain_units_where_the_axes_differ(episode):
-    there = dataclasses.replace(episode, mapping=dataclasses.replace(MAPPING, size=(2000.0, 900.0)))
+    there = dataclasses.replace(episode, reference=dataclasses.replace(MAPPING, size=(2000.0, 900.0)))
     last = table(waypoints_csv(there))[-1]
     assert float(last["distance_domain"]) == pytest.approx(episode.agents[-1].distance, rel=1e-5)
 
 
 def test_columns_of_the_same_name_are_told_apart(episode):
-    there = dataclasses.replace(episode, mapping=dataclasses.replace(MAPPING, value_name="time", x_name='a,"b"'))
+    there = dataclasses.replace(episode, reference=dataclasses.replace(MAPPING, value_name="time", x_name='a,"b"'))
     header = list(table(measurements_csv(there))[0])
     assert header == ["agent", "order", 'a,"b"', "northing", "time_4", "time_5"]
 

@@ -1,3 +1,5 @@
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,8 @@ from matplotlib.cbook import get_sample_data
 from scipy.interpolate import RegularGridInterpolator
 
 from maipp.errors import InputError
-from maipp.fields.raster import Mapping, Raster, RasterData, load_raster
+from maipp.fields.raster import Raster, RasterData, load_raster, read_field
+from maipp.geo import METRES, PLANE, WGS84, Crs, GeoReference
 
 # Uneven spacing in both axes, and no symmetry that would hide a swap of rows and columns.
 X = np.array([100.0, 110.0, 125.0, 150.0, 200.0])
@@ -26,14 +29,19 @@ def test_matplotlib_topobathy_loads_with_its_own_coordinates():
     assert (data.value_name, data.x_name, data.y_name) == ("topo", "longitude", "latitude")
     # Latitude is not evenly spaced in this file: every sample must still come back at its own place.
     assert np.ptp(np.diff(latitude)) > 1e-4
-    raster = Raster.from_data(data, geographic=True)
+    raster = Raster.from_data(dataclasses.replace(data, crs=WGS84))
     points = np.stack(np.meshgrid(longitude, latitude), axis=-1).reshape(-1, 2)
-    read = raster(jnp.asarray(raster.mapping.to_domain_points(points)))
+    read = raster(jnp.asarray(raster.reference.to_domain(points)))
     np.testing.assert_array_equal(read, raster.values.ravel())
-    np.testing.assert_allclose(raster.mapping.to_file_values(read), topo.ravel(), atol=1e-3)
-    metric = np.ptp(longitude) * np.cos(np.radians((latitude[0] + latitude[-1]) / 2)) / np.ptp(latitude)
-    assert raster.domain[0] / raster.domain[1] == pytest.approx(metric)
-    assert max(raster.domain) == 1.0
+    np.testing.assert_allclose(raster.reference.to_user_values(read), topo.ravel(), atol=1e-3)
+    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
+    middle = [float(axis[0] + axis[-1]) / 2 for axis in (longitude, latitude)]
+    # Short lengths at the middle, by an algorithm of others.
+    east = geod.inv(middle[0] - 0.01, middle[1], middle[0] + 0.01, middle[1])[2] / 0.02 * np.ptp(longitude)
+    north = geod.inv(middle[0], middle[1] - 0.01, middle[0], middle[1] + 0.01)[2] / 0.02 * np.ptp(latitude)
+    assert raster.domain == pytest.approx((east / max(east, north), north / max(east, north)), rel=1e-5)
+    assert raster.reference.metres_per_unit == pytest.approx(max(east, north), rel=1e-5)
+    assert raster.reference.geographic
 
 
 @pytest.mark.parametrize(
@@ -46,8 +54,6 @@ def test_matplotlib_topobathy_loads_with_its_own_coordinates():
         ({"low": 0.0, "high": 1e-320}, "overflow"),
         ({"extent": (1.0, 0.0)}, r"\(width, height\), both above 0; got 1,0"),
         ({"extent": (1.0, 1.0, 1.0)}, r"\(width, height\)"),
-        ({"extent": (1.0, 1.0), "geographic": True}, "extent or geographic, not both"),
-        ({"geographic": True}, "needs degrees"),
     ],
 )
 def test_unusable_limits_and_extents_are_refused(options, problem):
@@ -131,7 +137,7 @@ def test_limits_and_inversion_set_which_value_is_interesting():
     inverted = Raster.from_data(data, invert=True)
     np.testing.assert_allclose(inverted.values, 1 - Raster.from_data(data).values, atol=1e-6)
     assert inverted.values[0, 0] == 1.0
-    np.testing.assert_allclose(inverted.mapping.to_file_std(np.array([0.5])), [0.5 * np.ptp(VALUES)])
+    np.testing.assert_allclose(inverted.reference.to_user_std(np.array([0.5])), [0.5 * np.ptp(VALUES)])
 
 
 def mappings():
@@ -142,7 +148,7 @@ def mappings():
         lambda t: (t[0], t[0] + t[1]) if t[2] else (t[0] + t[1], t[0])
     )
     return st.builds(
-        lambda origin, size, domain, limits: Mapping(origin, size, domain, *limits),
+        lambda origin, size, domain, limits: GeoReference(origin, size, domain, *limits),
         st.tuples(coordinate, coordinate),
         st.tuples(side, side),
         st.tuples(domain, domain),
@@ -150,36 +156,67 @@ def mappings():
     )
 
 
+def test_degrees_are_known_and_not_guessed():
+    # Review A7: metres in the proportions that degrees would have, and degrees on both sides of the equator.
+    y = np.linspace(-0.7, 0.7, 15)
+    x = np.linspace(0.0, 2.0, 15) * np.cos(np.radians(y[-1] + y[0]) / 2)
+    values = np.arange(225.0).reshape(15, 15)
+    metric = Raster.from_data(RasterData(values, x, y, crs=METRES)).reference
+    assert not metric.geographic and metric.metres_per_unit == pytest.approx(2.0)
+    plain = Raster.from_data(RasterData(values, x, y)).reference
+    assert not plain.geographic and plain.metres_per_unit is None
+    degrees = Raster.from_data(RasterData(values, x, y, crs=WGS84)).reference
+    assert degrees.geographic and degrees.metres_per_unit == pytest.approx(2 * 111_319.49, rel=1e-6)
+
+
+def test_what_is_no_degrees_is_told():
+    with pytest.raises(InputError, match=r"^survey.npz: .* said to be degrees, .* y is -30..470"):
+        Raster.from_data(RasterData(VALUES, X, Y * 10, "survey.npz", crs=WGS84))
+
+
+def test_feet_are_feet():
+    feet = Raster.from_data(RasterData(VALUES, X, Y, crs=Crs(metres=0.3048))).reference
+    assert feet.domain == pytest.approx((1.0, 0.5)) and feet.metres_per_unit == pytest.approx(30.48)
+    assert feet.length_scale == pytest.approx(100.0)
+
+
+def test_one_function_reads_a_field(tmp_path):
+    np.savez(tmp_path / "f.npz", depth=VALUES, salt=VALUES * 2, x=X / 100, y=Y)
+    read = read_field(tmp_path / "f.npz", value="salt", low=0.0, high=50.0, invert=True, crs="WGS84")
+    there = read.reference
+    assert (there.value_at_zero, there.value_at_one, there.value_name) == (50.0, 0.0, "salt")
+    assert there.crs == WGS84 and there.metres_per_unit == pytest.approx(50 * 110_700, rel=1e-2)
+    assert read_field(tmp_path / "f.npz", value="salt", crs="none").reference.crs == PLANE
+
+
 @given(mappings(), hnp.arrays(np.float64, (7, 2), elements=st.floats(0.0, 1.0)))
 def test_mapping_round_trips(mapping, fractions):
     points = fractions * mapping.domain
-    file_points = mapping.to_file_points(points)
+    file_points = mapping.to_user(points)
     # In fractions of the domain: with an origin of 1e6 and a side of 1, doubles resolve 1e-10 of the side.
-    returned = mapping.to_domain_points(file_points) / mapping.domain
+    returned = mapping.to_domain(file_points) / mapping.domain
     np.testing.assert_allclose(returned, fractions, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(
-        mapping.to_file_points(mapping.to_domain_points(file_points)), file_points, rtol=1e-9, atol=1e-9
-    )
+    np.testing.assert_allclose(mapping.to_user(mapping.to_domain(file_points)), file_points, rtol=1e-9, atol=1e-9)
     values = fractions[:, 0]
-    file_values = mapping.to_file_values(values)
+    file_values = mapping.to_user_values(values)
     np.testing.assert_allclose(mapping.to_domain_values(file_values), values, atol=1e-9)
     np.testing.assert_allclose(
-        mapping.to_file_values(mapping.to_domain_values(file_values)), file_values, rtol=1e-9, atol=1e-9
+        mapping.to_user_values(mapping.to_domain_values(file_values)), file_values, rtol=1e-9, atol=1e-9
     )
     # A standard deviation maps as the difference of two values does, and is never negative.
     np.testing.assert_allclose(
-        mapping.to_file_std(values), np.abs(file_values - mapping.to_file_values(0.0)), rtol=1e-9, atol=1e-9
+        mapping.to_user_std(values), np.abs(file_values - mapping.to_user_values(0.0)), rtol=1e-9, atol=1e-9
     )
 
 
 def test_mapping_takes_the_files_own_corners_to_the_domains():
     raster = Raster.from_data(load_like_a_survey())
     corners = np.array([[100.0, -3.0], [200.0, 47.0]])
-    np.testing.assert_array_equal(raster.mapping.to_domain_points(corners), [[0, 0], [1, 0.5]])
-    np.testing.assert_array_equal(raster.mapping.to_file_points(np.array([[0, 0], [1, 0.5]])), corners)
-    assert raster.mapping.to_file_values(np.array([0.0, 1.0])).tolist() == [VALUES.min(), VALUES.max()]
-    assert (raster.mapping.x_name, raster.mapping.y_name, raster.mapping.value_name) == ("lon", "lat", "salt")
-    assert hash(raster.mapping) == hash(Raster.from_data(load_like_a_survey()).mapping)
+    np.testing.assert_array_equal(raster.reference.to_domain(corners), [[0, 0], [1, 0.5]])
+    np.testing.assert_array_equal(raster.reference.to_user(np.array([[0, 0], [1, 0.5]])), corners)
+    assert raster.reference.to_user_values(np.array([0.0, 1.0])).tolist() == [VALUES.min(), VALUES.max()]
+    assert (raster.reference.x_name, raster.reference.y_name, raster.reference.value_name) == ("lon", "lat", "salt")
+    assert hash(raster.reference) == hash(Raster.from_data(load_like_a_survey()).reference)
 
 
 def load_like_a_survey():

@@ -6,6 +6,7 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
+from maipp.geo import WGS84, Crs
 
 rasterio = pytest.importorskip("rasterio")
 VALUES = np.arange(12, dtype=np.float32).reshape(3, 4) ** 1.5
@@ -33,16 +34,14 @@ def test_north_up_with_cell_centres_and_reference_system(tmp_path):
     np.testing.assert_array_equal(data.values, VALUES[::-1])
     np.testing.assert_array_equal(data.x, [500010, 500030, 500050, 500070])
     np.testing.assert_array_equal(data.y, [5200005, 5200015, 5200025])
-    assert data.crs == "EPSG:32632" and data.missing is None
+    assert data.crs == Crs("EPSG:32632", metres=1.0) and data.missing is None
     assert (data.x_name, data.y_name, data.value_name) == ("x", "y", "depth")
     # The same values at the same places as rasterio itself samples them.
     with rasterio.open(tmp_path / "f.tif") as file:
         spots = [(500030.0, 5200015.0), (500070.0, 5200025.0)]
         theirs = [float(value[0]) for value in file.sample(spots)]
     field = Raster.from_data(data)
-    ours = field.mapping.to_file_values(
-        field(jnp.asarray(field.mapping.to_domain_points(np.array(spots)), jnp.float32))
-    )
+    ours = field.reference.to_user_values(field(jnp.asarray(field.reference.to_domain(np.array(spots)), jnp.float32)))
     np.testing.assert_allclose(ours, theirs, rtol=1e-5)
 
 
@@ -50,11 +49,11 @@ def test_degrees_and_own_reference_systems(tmp_path):
     from rasterio.transform import from_origin
 
     data = load_raster(write(tmp_path / "f.tiff", VALUES, crs="EPSG:4326", transform=from_origin(9, 48, 0.1, 0.1)))
-    assert data.crs == "EPSG:4326" and (data.x_name, data.y_name) == ("longitude", "latitude")
+    assert data.crs == WGS84 and (data.x_name, data.y_name) == ("longitude", "latitude")
     own = "+proj=aeqd +lat_0=47 +lon_0=9 +datum=WGS84 +units=m"
     data = load_raster(write(tmp_path / "g.tif", VALUES, crs=own))
-    assert data.crs is not None and rasterio.crs.CRS.from_wkt(data.crs).to_epsg() is None
-    assert "Azimuthal" in data.crs
+    assert data.crs.metres == 1 and data.crs.name is not None
+    assert rasterio.crs.CRS.from_wkt(data.crs.name).to_epsg() is None and "Azimuthal" in data.crs.name
 
 
 @pytest.mark.parametrize(("value", "index"), [("depth", 1), ("2", 1), ("salt", 0), ("1", 0)])

@@ -81,6 +81,19 @@ def csv_comment_header_and_mark(path):
     return load_raster(path / "f.csv")
 
 
+def csv_of_a_german_spreadsheet(path):
+    rows = [f'{x:g};{y:g};"{v!r}";Müritz'.replace(".", ",") for x, y, v in np.array(TABLE).tolist()]
+    text = "\r\n".join(["lon;lat;salt;See", *rows, ""])
+    (path / "f.csv").write_bytes(text.encode("cp1252"))
+    return load_raster(path / "f.csv", value="salt")
+
+
+def csv_of_windows_with_a_mark(path):
+    text = "sep=;\r\nx;y;z\r\n" + "\r\n".join(f"{x!r};{y!r};{v!r}" for x, y, v in np.array(TABLE).tolist())
+    (path / "f.csv").write_bytes(text.encode("utf-16"))
+    return load_raster(path / "f.csv")
+
+
 def csv_rounded_coordinates(path):
     rows = [(np.nextafter(x, np.inf) if k % 3 == 2 and k > 4 else x, y, v) for k, (x, y, v) in enumerate(TABLE)]
     return load_raster(write_csv(path / "f.csv", rows))
@@ -100,6 +113,8 @@ def csv_rounded_coordinates(path):
         csv_unnamed_axes,
         csv_comment_header_and_mark,
         csv_rounded_coordinates,
+        csv_of_a_german_spreadsheet,
+        csv_of_windows_with_a_mark,
     ],
 )
 def test_every_form_with_coordinates_loads_to_the_same_grid(form, tmp_path):
@@ -177,7 +192,7 @@ BAD_FILES = {
     "empty npz": ("f.npz", text(""), {}, "is empty"),
     "empty npy": ("f.npy", text(""), {}, "is empty"),
     "empty csv": ("f.csv", text(""), {}, "is empty"),
-    "header only": ("f.csv", text("x,y,z\n"), {}, "empty; no line of numbers"),
+    "header only": ("f.csv", text("x,y,z\n"), {}, "no line of numbers below the header"),
     "pickled npy": ("f.npy", save(np.array([[1, None]] * 2), allow_pickle=True), {}, "pickled"),
     "pickled npz": ("f.npz", savez(z=np.array([[1, None]] * 2)), {}, "'z' holds pickled"),
     "pickled choice": ("f.npz", savez(a=VALUES, z=np.array([None])), {"value": "z"}, "'z' holds pickled"),
@@ -212,9 +227,9 @@ BAD_FILES = {
     "nan axis": ("f.npz", savez(z=VALUES, x=X * np.nan, y=Y), {}, "coordinate 'x' is nan at entry 0"),
     "text in matrix": ("f.csv", text("1,2\n3,4\n5,six\n"), {}, "line 3, column 2: 'six' is not a number"),
     "text in first line": ("f.csv", text("1,two\n3,4\n"), {}, "line 1, column 2: 'two' is not a number"),
-    "empty cell": ("f.csv", text("x,y,z\n0,0,1\n\n0,1,\n"), {}, "line 4, column 3: is empty"),
-    "ragged": ("f.csv", text("1,2\n3,4\n5,6,7\n"), {}, "line 3: 3 values where the lines before have 2"),
-    "not text": ("f.csv", text(b"\xff\xfe1\x00"), {}, "not UTF-8 text"),
+    "empty cell": ("f.csv", text("x,y,z\n0,0,1\n1,0,2\n0,1,\n1,1,4\n"), {}, "nan at row 1, column 0"),
+    "ragged": ("f.csv", text("1,2\n3,4\n5,6,7\n"), {}, "line 3: 3 columns where the lines before have 2"),
+    "not text": ("f.csv", text(b"1\x00\x00"), {}, "not text; save it as a plain CSV"),
     "unknown header": ("f.csv", text("a,b,c,d\n1,2,3,4\n"), {}, "names no x and y columns.*a, b, c, d"),
     "half a header": ("f.csv", text("lat,b,c\n1,2,3\n"), {}, "names no x and y columns"),
     "no value column": ("f.csv", text("x,y\n1,2\n"), {}, "no value column"),
@@ -274,6 +289,12 @@ def test_gaps_are_filled_from_the_nearest_value_and_told(suffix, tmp_path):
 def test_a_full_grid_has_nothing_missing(tmp_path):
     np.savez(tmp_path / "f.npz", z=VALUES, x=X, y=Y)
     data = load_raster(tmp_path / "f.npz", gaps="nearest")
-    assert data.missing is None and data.crs is None
+    assert data.missing is None and not data.crs.located
     assert_is_the_grid(data)
     assert data.known(np.array([[100.0, -3.0], [200.1, 0.0]])).tolist() == [True, False]
+
+
+def test_a_line_without_values_is_no_header(tmp_path):
+    (tmp_path / "f.csv").write_text("nan;NaN\n1,5;2,5\n3,5;4,5\n")
+    data = load_raster(tmp_path / "f.csv", gaps="nearest")
+    np.testing.assert_array_equal(data.values, [[1.5, 2.5], [1.5, 2.5], [3.5, 4.5]])

@@ -5,6 +5,7 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.fields.raster import load_raster
+from maipp.geo import WGS84, Crs
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("h5netcdf")
@@ -27,7 +28,7 @@ def assert_is_the_grid(data):
     np.testing.assert_array_equal(data.values, VALUES)
     np.testing.assert_array_equal(data.x, LON)
     np.testing.assert_array_equal(data.y, LAT)
-    assert data.crs == "EPSG:4326" and data.value_name == "chl"
+    assert data.crs == WGS84 and data.value_name == "chl"
 
 
 @pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
@@ -46,7 +47,7 @@ def test_axes_by_attributes_and_a_reference_system(tmp_path):
     )
     read = load_raster(write(tmp_path / "f.nc", data))
     np.testing.assert_array_equal(read.values, VALUES)
-    assert read.crs == "EPSG:32632" and (read.x_name, read.y_name) == ("i", "j")
+    assert read.crs == Crs("EPSG:32632", metres=1.0) and (read.x_name, read.y_name) == ("i", "j")
 
 
 def wkt(epsg):

@@ -8,6 +8,7 @@ import numpy as np
 from fuzz_check import Target
 
 from maipp.fields.samples import load_samples
+from maipp.geo import WGS84
 from maipp.live.events import read_event
 from maipp.live.request import parse_line
 from maipp.surveys.geojson import load_geojson, to_polygon
@@ -84,7 +85,7 @@ def _event(path: Path) -> Any:
 
 
 def _area(path: Path) -> Any:
-    polygons = [to_polygon(written, geographic=True) for written in load_geojson(path)]
+    polygons = [to_polygon(written, written.crs or WGS84) for written in load_geojson(path)]
     return [np.array(polygon.exterior.coords) for polygon in polygons]
 
 

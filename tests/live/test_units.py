@@ -1,14 +1,17 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.live.units import Units
-from maipp.surveys.frame import Frame
 
-METRES = Frame(False, (0.0, 0.0), (100.0, 200.0), (400.0, 300.0), mean=8.0, std=4.0, below=True, unit="ug/L")
-LAKE = Units(METRES.extent, METRES, epoch=1.7e9, seconds_per_time=400.0)
+PLACE = GeoReference.of_area((100.0, 200.0, 500.0, 500.0)).standardised(8.0, 4.0, below=True)
+METRES = dataclasses.replace(PLACE, value_name="chlorophyll (ug/L)")
+LAKE = Units(METRES.domain, METRES, epoch=1.7e9, seconds_per_time=400.0)
 OWN = Units((1.0, 0.5))
 
 
@@ -60,8 +63,8 @@ def test_what_is_too_far_off_is_told(units, ask, told):
 
 def test_degrees():
     pytest.importorskip("pyproj")
-    frame = Frame(True, (-123.5, 49.0), (-5000.0, -4000.0), (10_000.0, 8000.0))
-    units = Units(frame.extent, frame)
+    frame = GeoReference.of_area((-5000.0, -4000.0, 5000.0, 4000.0), (-123.5, 49.0))
+    units = Units(frame.domain, frame)
     assert units.position("position", (-123.5, 49.0)) == pytest.approx((0.5, 0.4))
     assert units.points_out(np.array([[0.5, 0.4]]))[0] == pytest.approx([-123.5, 49.0], abs=1e-8)
     for point, told in (

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
+from maipp.geo import METRES, WGS84
 from maipp.surveys.geojson import Rings, load_geojson, polygons_in, to_polygon
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
@@ -15,7 +16,7 @@ HOLE = [[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]
 
 
 def polygon(*rings, geographic=False):
-    return to_polygon(Rings("area", list(rings)), geographic=geographic)
+    return to_polygon(Rings("area", list(rings)), WGS84 if geographic else METRES)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,7 @@ def polygon(*rings, geographic=False):
 def test_every_form_gives_the_polygon_with_its_hole(content, tmp_path):
     path = tmp_path / "a.geojson"
     path.write_text("\ufeff" + json.dumps(content), encoding="utf-8")
-    (found,) = [to_polygon(rings, geographic=False) for rings in load_geojson(path)]
+    (found,) = [to_polygon(rings, METRES) for rings in load_geojson(path)]
     assert found.area == 15 and len(found.interiors) == 1
 
 
@@ -90,7 +91,7 @@ def test_what_is_wrong_with_a_ring_is_told(rings, problem):
     ("ring", "problem"),
     [
         ([[49.3, -123.2], [49.4, -123.2], [49.4, -123.1]], "are they swapped?"),
-        ([[5e5, 5.4e6], [5.1e5, 5.4e6], [5.1e5, 5.5e6]], "set `metres: true`"),
+        ([[5e5, 5.4e6], [5.1e5, 5.4e6], [5.1e5, 5.5e6]], "say what they are with crs"),
         ([[-200, 3], [4, 5], [6, 8]], "is no longitude and latitude"),
     ],
 )
@@ -126,7 +127,7 @@ json_values = st.recursive(
 @given(content=json_values, geographic=st.booleans())
 def test_any_json_gives_polygons_or_one_line(content, geographic):
     try:
-        polygons = [to_polygon(rings, geographic=geographic) for rings in polygons_in(content, "a")]
+        polygons = [to_polygon(rings, WGS84 if geographic else METRES) for rings in polygons_in(content, "a")]
     except InputError as error:
         assert "\n" not in str(error)
     else:

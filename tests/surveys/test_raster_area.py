@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from maipp.errors import InputError
-from maipp.surveys.raster_area import raster_polygons
+from maipp.surveys.raster_area import load_area, raster_polygons
 from maipp.surveys.survey import RasterArea
 
 AXIS = np.linspace(0.0, 10.0, 41)
@@ -16,7 +16,7 @@ def area(folder, values, level=0.0, below=True):
     path = folder / "map.npz"
     np.savez(path, depth=values, x=AXIS, y=AXIS)
     source = RasterArea(path, None, level, below, "m.yaml:1: area")
-    return shapely.union_all(raster_polygons(source, geographic=False))
+    return shapely.union_all(raster_polygons(source, load_area(source)))
 
 
 def test_a_round_lake_with_an_island(tmp_path):

@@ -50,9 +50,9 @@ def test_routes_are_metres_and_seconds_and_keep_the_budgets(planned):
 def test_the_record_reads_back_in_metres_and_units(planned):
     prepared, episode = planned
     again = parse_episode(dump_episode(episode))
-    assert again.mapping == episode.mapping and again.units.value == "salt (g/L)"
-    assert again.units.points(again.agents[0].route)[0] == pytest.approx([0.5, 0.5], abs=2)
-    assert prepared.frame.to_user_values(0.0) == again.units.values(0.0) == 10.0
+    assert again.reference == episode.reference and again.geo.value_name == "salt (g/L)"
+    assert again.geo.to_user(again.agents[0].route)[0] == pytest.approx([0.5, 0.5], abs=2)
+    assert prepared.frame.to_user_values(0.0) == again.geo.to_user_values(0.0) == 10.0
 
 
 def test_the_same_seed_gives_the_same_routes(planned):
@@ -82,7 +82,7 @@ def test_long_legs_in_degrees_get_vertices_so_that_both_lines_agree(planned):
     )
     points, times = vertices(prepared, agent)
     assert len(points) > 6 and (np.diff(times) > 0).all()
-    dense = prepared.frame.to_metres(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), 0.01)))
+    dense = prepared.frame.to_plane(shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), 0.01)))
     straight = shapely.linestrings(agent.route.astype(float) * prepared.frame.metres_per_unit + prepared.frame.origin)
     assert shapely.distance(straight, shapely.points(dense)).max() < prepared.margin / 2
     assert prepared.margin > 0

@@ -106,17 +106,17 @@ def test_degrees_swapped_in_a_start_are_noticed():
 def test_the_same_place_in_degrees_and_in_metres_is_the_same_problem():
     degrees = prepare(parse_survey(TEMPLATE))
     frame = degrees.frame
-    corners = [frame.to_metres(np.array(p)).tolist() for p in ([4.73, 52.24], [4.746, 52.24], [4.748, 52.246])]
-    corners += [frame.to_metres(np.array(p)).tolist() for p in ([4.74, 52.25], [4.73, 52.248])]
+    corners = [frame.to_plane(np.array(p)).tolist() for p in ([4.73, 52.24], [4.746, 52.24], [4.748, 52.246])]
+    corners += [frame.to_plane(np.array(p)).tolist() for p in ([4.74, 52.25], [4.73, 52.248])]
     zone = [[4.737, 52.244], [4.739, 52.244], [4.739, 52.2455], [4.737, 52.2455]]
     text = TEMPLATE.replace("# metres: false", "metres: true")
     for line in TEMPLATE.splitlines():
         if line.startswith("area:"):
             text = text.replace(line, f"area: {corners}")
         if line.startswith("  - [["):
-            text = text.replace(line, f"  - {frame.to_metres(np.array(zone)).tolist()}")
+            text = text.replace(line, f"  - {frame.to_plane(np.array(zone)).tolist()}")
     for start in ([4.7302, 52.2402], [4.7306, 52.2402]):
-        text = text.replace(str(start), str(frame.to_metres(np.array(start)).tolist()))
+        text = text.replace(str(start), str(frame.to_plane(np.array(start)).tolist()))
     metres = prepare(parse_survey(text))
     assert metres.scenario.extent == pytest.approx(degrees.scenario.extent, abs=1e-4)
     assert metres.scenario.budgets == pytest.approx(degrees.scenario.budgets, rel=1e-4)

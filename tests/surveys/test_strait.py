@@ -12,7 +12,7 @@ from maipp.fields import evaluation_grid
 from maipp.missions import write_mission_files
 from maipp.roadmap import Obstacles
 from maipp.surveys.expected_mission import expected_mission
-from maipp.surveys.raster_area import raster_polygons
+from maipp.surveys.raster_area import load_area, raster_polygons
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.routes import route_plan
 from maipp.surveys.standardise import prepare
@@ -46,7 +46,7 @@ def test_routes_in_degrees_stay_on_water(elevation, tmp_path):
         assert (elevation(route.measurements[:, ::-1]) < 0).all()
     names = {path.name for path in write_mission_files(plan, tmp_path)}
     assert {"heron.plan", "routes.gpx", "routes.geojson", "waypoints.csv"} <= names
-    assert prepared.frame.below and prepared.fit is not None and prepared.fit.samples > 40
+    assert prepared.frame.inverted and prepared.fit is not None and prepared.fit.samples > 40
     assert prepared.scenario.threshold == pytest.approx((150 + prepared.frame.mean) / prepared.frame.std)
 
 
@@ -68,7 +68,7 @@ def test_both_files_describe_one_place():
 
 def test_land_is_where_the_relief_is_above_water(elevation):
     survey = load_survey(STRAIT / "mission.yaml")
-    water = shapely.union_all(raster_polygons(survey.area, geographic=True))  # type: ignore[arg-type]
+    water = shapely.union_all(raster_polygons(survey.area, load_area(survey.area)))  # type: ignore[arg-type]
     rng = np.random.default_rng(0)
     points = rng.uniform([-124.97, 48.87], [-122.96, 49.97], (3000, 2))
     # Contours cut a cell along straight lines, bilinear interpolation along a curve: near the coast they differ.
@@ -90,7 +90,7 @@ def test_only_water_is_evaluated(elevation):
 def test_the_relief_rehearses_in_the_survey_s_unit(elevation):
     prepared = prepare(load_survey(STRAIT / "mission.yaml"), planner="shared-greedy")
     field = raster_field(prepared, STRAIT / "relief.npz")
-    domain = np.random.default_rng(1).random((200, 2)) * prepared.frame.extent * 0.98 + 0.01
+    domain = np.random.default_rng(1).random((200, 2)) * prepared.frame.domain * 0.98 + 0.01
     user = prepared.frame.to_user(domain)
     inside = (user > [-124.97, 48.87]).all(axis=1) & (user < [-122.96, 49.97]).all(axis=1)
     import jax.numpy as jnp

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maipp.engine.episode import AgentRecord, Episode
-from maipp.fields.raster import Mapping
+from maipp.geo import GeoReference
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario.create(
@@ -47,6 +47,6 @@ def episode() -> Episode:
 
 
 @pytest.fixture(scope="session")
-def mapping() -> Mapping:
+def mapping() -> GeoReference:
     """A file in degrees whose low values are the interesting ones."""
-    return Mapping((10.0, 60.0), (2.0, 0.5), (1.0, 0.5), 30.0, 10.0, "longitude", "latitude", "temperature")
+    return GeoReference((10.0, 60.0), (2.0, 0.5), (1.0, 0.5), 30.0, 10.0, "longitude", "latitude", "temperature")

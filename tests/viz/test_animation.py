@@ -68,7 +68,7 @@ def test_a_film_begins_with_what_prior_samples_tell(episode):
 
 
 def test_a_mapped_film_is_in_the_file_s_coordinates(episode, mapping):
-    film = Film(dataclasses.replace(episode, mapping=mapping), frames=3, dpi=40)
+    film = Film(dataclasses.replace(episode, reference=mapping), frames=3, dpi=40)
     film.show(2)
     mean_map = film.figure.axes[0]
     np.testing.assert_allclose(mean_map.get_xlim(), (10.0, 12.0))

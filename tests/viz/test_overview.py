@@ -38,11 +38,11 @@ def test_four_maps_show_every_route_and_measurement(episode):
 def test_prior_samples_are_small_crosses_on_every_map(episode, mapping, count):
     x = np.random.default_rng(0).uniform(0, 0.5, (count, 2)).astype(np.float32)
     prior = PriorSamples(x, np.zeros(count, np.float32), np.full(count, 0.1, np.float32))
-    there = dataclasses.replace(episode, prior=prior, mapping=mapping)
+    there = dataclasses.replace(episode, prior=prior, reference=mapping)
     figure = draw_overview(there, dpi=40)
     for axes in maps_of(figure):
         (crosses,) = [line for line in axes.lines if line.get_marker() == "+"]
-        np.testing.assert_allclose(np.asarray(crosses.get_xydata()), mapping.to_file_points(x))
+        np.testing.assert_allclose(np.asarray(crosses.get_xydata()), mapping.to_user(x))
         assert crosses.get_linestyle() == "None" and crosses.get_markersize() <= 4
     (legend,) = figure.legends
     assert "prior sample" in [text.get_text() for text in legend.get_texts()]
@@ -68,7 +68,7 @@ def test_the_title_holds_planner_and_numbers(episode):
 
 
 def test_a_mapped_survey_is_drawn_in_the_file_s_coordinates_and_units(episode, mapping):
-    there = dataclasses.replace(episode, mapping=mapping)
+    there = dataclasses.replace(episode, reference=mapping)
     figure = draw_overview(there, dpi=40)
     truth, mean, area, _ = maps_of(figure)
     for axes in (truth, mean, area):

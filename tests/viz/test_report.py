@@ -13,6 +13,7 @@ import pytest
 
 from maipp.engine.episode_io import write_episode
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.viz.report import SurveyReport, report_html, write_report
 
 pytest.importorskip("plotly")
@@ -58,12 +59,10 @@ def page(episode):
         title="Lake survey",
         date="2026-05-01",
         names=("Ada", "Bo"),
-        metres_per_unit=1000.0,
+        reference=GeoReference(
+            (0.0, 0.0), (1.0, 0.5), (1.0, 0.5), 5.0, 15.0, value_name="chlorophyll (µg/L)", metres_per_unit=1000.0
+        ),
         seconds_per_time=1800.0,
-        value_offset=5.0,
-        value_scale=10.0,
-        quantity="chlorophyll",
-        unit="µg/L",
         prior_x=np.array([[0.2, 0.1]]),
         prior_y=np.array([7.0]),
         warnings=("no earlier samples: the length scale is a guess",),
@@ -122,7 +121,8 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 
 def test_names_can_hold_anything(episode):
-    report = SurveyReport(episode, title=NASTY, names=(NASTY, "b"), quantity=NASTY, unit=NASTY, warnings=(NASTY,))
+    there = dataclasses.replace(episode.geo, x_name=NASTY, value_name=f"{NASTY} ({NASTY})")
+    report = SurveyReport(episode, title=NASTY, names=(NASTY, "b"), reference=there, warnings=(NASTY,))
     text = report_html(report)
     found = Page(text)
     assert found.data["robots"][0]["name"] == NASTY

@@ -98,12 +98,12 @@ def full(episode, mapping):
         Told(0, float(episode.end), *nothing, np.empty((0, 2)), np.empty(0)),
     )
     return SurveyReport(
-        dataclasses.replace(episode, mapping=mapping),
+        dataclasses.replace(
+            episode, reference=dataclasses.replace(mapping, value_name="temperature (°C)", metres_per_unit=5000.0)
+        ),
         title=NASTY,
         names=("Ada", NASTY),
-        metres_per_unit=5000.0,
         seconds_per_time=1800.0,
-        unit="°C",
         area=np.array([[10.05, 60.02], [11.9, 60.02], [11.9, 60.48], [10.9, 60.4], [10.05, 60.48]]),
         no_go=(np.array([[11.4, 60.3], [11.7, 60.3], [11.5, 60.4]]),),
         prior_x=np.array([[10.5, 60.2], [11.0, 60.1]]),
@@ -175,10 +175,10 @@ def test_the_last_frame_is_the_whole_record(visit, full):
     visit.move_to(int(visit.page.get_attribute("#moment", "max")))
     episode = full.episode
     for line, agent in zip(visit.lines("map-mean"), episode.agents, strict=True):
-        route = episode.units.points(agent.route)
+        route = episode.geo.to_user(agent.route)
         np.testing.assert_allclose([line["x"][0], line["y"][0]], route[0], atol=1e-4)
         np.testing.assert_allclose([line["x"][-1], line["y"][-1]], route[-1], atol=1e-4)
-    expected = episode.units.values(episode.beliefs(np.array([episode.end + 1])).mean[0]).reshape(9, 9).T
+    expected = episode.geo.to_user_values(episode.beliefs(np.array([episode.end + 1])).mean[0]).reshape(9, 9).T
     np.testing.assert_allclose(np.array(visit.traces("map-mean")[0]["z"], float), expected, atol=0.01)
     spots = [t for t in visit.traces("map-mean") if t.get("marker", {}).get("size") == 6.5][0]
     assert len(spots["x"]) == sum(len(agent.measurement_y) for agent in episode.agents)

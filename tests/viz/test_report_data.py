@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.team.told import Told
 from maipp.viz.report_data import INTENT_SHARE, packed, page_data
 from maipp.viz.report_frames import frames_of
@@ -51,16 +52,14 @@ def test_packed_signs_are_kept(values):
 
 
 def test_the_data_is_the_record(episode, mapping):
-    there = dataclasses.replace(episode, mapping=mapping)
+    there = dataclasses.replace(episode, reference=mapping)
     data = json.loads(json.dumps(data_of(SurveyReport(there, names=("a", "b"))), allow_nan=False))
     assert [robot["name"] for robot in data["robots"]] == ["a", "b"]
     for robot, agent in zip(data["robots"], episode.agents, strict=True):
         route, measured = robot["route"], robot["measured"]
-        np.testing.assert_allclose(
-            np.stack([route["x"], route["y"]], -1), mapping.to_file_points(agent.route), atol=1e-4
-        )
+        np.testing.assert_allclose(np.stack([route["x"], route["y"]], -1), mapping.to_user(agent.route), atol=1e-4)
         places = np.stack([measured["x"], measured["y"]], -1)
-        np.testing.assert_allclose(places, mapping.to_file_points(agent.measurement_x), atol=1e-4)
+        np.testing.assert_allclose(places, mapping.to_user(agent.measurement_x), atol=1e-4)
         np.testing.assert_allclose(measured["value"], 30 - 20 * agent.measurement_y, rtol=1e-4)
         np.testing.assert_allclose(measured["time"], agent.measurement_time, rtol=1e-4)
     assert (data["axes"]["x"], data["axes"]["y"], data["axes"]["aspect"]) == ("longitude", "latitude", 2.0)
@@ -74,7 +73,7 @@ def test_the_data_is_the_record(episode, mapping):
     assert data["curve"]["distance"][0] == 0
     assert data["limits"]["value"][0] < data["value"]["threshold"] < data["limits"]["value"][1]
     (zone,) = data["no_go"]
-    corners = mapping.to_file_points(np.array(episode.scenario.obstacles[0]))
+    corners = mapping.to_user(np.array(episode.scenario.obstacles[0]))
     np.testing.assert_allclose(np.stack([zone["x"], zone["y"]], -1), corners, atol=1e-4)
 
 
@@ -88,12 +87,10 @@ def test_an_area_replaces_the_scenario_s_obstacles(episode):
 
 
 def test_a_unit_in_the_file_s_name_is_found(episode, mapping):
-    there = dataclasses.replace(episode, mapping=dataclasses.replace(mapping, value_name="depth at low tide (m)"))
+    there = dataclasses.replace(episode, reference=dataclasses.replace(mapping, value_name="depth at low tide (m)"))
     report = SurveyReport(there)
     assert (report.value_name, report.value_unit) == ("depth at low tide", "m")
-    assert SurveyReport(there, unit="ft").value_unit == "ft"
-    assert SurveyReport(there, value_scale=2.0).value_unit == ""
-    plain = SurveyReport(dataclasses.replace(episode, mapping=mapping))
+    plain = SurveyReport(dataclasses.replace(episode, reference=mapping))
     assert (plain.value_name, plain.value_unit) == ("temperature", "")
 
 
@@ -135,8 +132,8 @@ def test_prior_samples_are_shown(episode):
     ("facts", "message"),
     [
         ({"names": ("one",)}, "names: 1 for 2 robots"),
-        ({"metres_per_unit": 0.0}, "metres_per_unit: 0.0 is not a number > 0"),
-        ({"value_scale": 0.0}, "value_scale"),
+        ({"seconds_per_time": 0.0}, "seconds_per_time: 0.0 is not a number > 0"),
+        ({"reference": GeoReference.of_domain((1.0, 1.0))}, r"reference: its domain is \(1.0, 1.0\), the record's"),
         ({"prior_x": np.zeros((1, 2))}, "give both, or neither"),
         ({"prior_x": np.zeros((1, 2)), "prior_y": np.zeros(2)}, r"shapes \(1, 2\) and \(2,\)"),
         ({"area": np.zeros((2, 2))}, r"area: shape \(2, 2\); give \(v, 2\)"),

@@ -27,7 +27,7 @@ def test_a_survey_that_went_nowhere_has_one_instant(episode):
 
 
 def test_frames_show_the_record(episode):
-    report = SurveyReport(episode, value_offset=10.0, value_scale=-4.0)
+    report = SurveyReport(episode, reference=episode.geo.standardised(10.0, 4.0, below=True))
     frames = frames_of(report, map_grid(report))
     metrics = episode.metrics
     assert frames.trace[-1] == pytest.approx(metrics.trace, rel=1e-5)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.fields.raster import Mapping, Raster, RasterData
+from maipp.fields.raster import Raster, RasterData
+from maipp.geo import METRES, PLANE, WGS84, GeoReference
 from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_units import (
     decimals,
     length_unit,
-    metres_of_degrees,
     nice_step,
     number,
     percent,
@@ -67,23 +67,33 @@ def test_decimals_tell_places_of_an_area_apart(extent):
     assert 10.0 ** -decimals(extent, 4) <= max(extent / 100, 1.0)
 
 
-def test_lengths_are_metres_where_these_are_known(episode, mapping):
+def test_lengths_are_metres_where_these_are_known(episode):
+    def unit_of(**facts):
+        there = GeoReference((0.0, 0.0), (100.0, 50.0), (1.0, 0.5))
+        return length_unit(SurveyReport(dataclasses.replace(episode, reference=dataclasses.replace(there, **facts))))
+
     assert length_unit(SurveyReport(episode)).text(0.5) == "0.500 domain units"
-    assert length_unit(SurveyReport(episode, metres_per_unit=200.0)).text(0.5) == "100 m"
-    assert length_unit(SurveyReport(episode, metres_per_unit=50_000.0)).text(0.5) == "25.0 km"
-    square = Mapping((0.0, 0.0), (100.0, 50.0), (1.0, 0.5), 0.0, 1.0)
-    assert length_unit(SurveyReport(dataclasses.replace(episode, mapping=square))).text(0.5) == "50.0 map units"
-    # Degrees that the domain does not hold in their true proportions: no length follows from them.
-    assert length_unit(SurveyReport(dataclasses.replace(episode, mapping=mapping))).name == "domain units"
+    assert unit_of(metres_per_unit=200.0).text(0.5) == "100 m"
+    assert unit_of(metres_per_unit=50_000.0).text(0.5) == "25.0 km"
+    assert unit_of().text(0.5) == "50.0 map units"
+    # A unit of x and one of y that differ: no length follows from them.
+    assert unit_of(size=(100.0, 70.0)).name == "domain units"
 
 
-def test_a_file_of_degrees_is_recognised(episode):
-    data = RasterData(np.arange(12.0).reshape(3, 4), np.linspace(4, 5, 4), np.linspace(52, 53, 3))
-    degrees, plain = (Raster.from_data(data, geographic=geographic).mapping for geographic in (True, False))
-    assert metres_of_degrees(plain) is None
-    metres = metres_of_degrees(degrees)
-    # One degree of latitude, the longest side, is one domain unit: 111.2 km on a sphere.
-    assert metres == pytest.approx(111_195, rel=1e-4)
+def test_degrees_are_what_the_file_says_and_never_guessed(episode):
+    # Review A7: metres in the proportions of degrees, and degrees on both sides of the equator.
+    y = np.linspace(-0.7, 0.7, 15)
+    data = RasterData(np.arange(225.0).reshape(15, 15), np.linspace(0.0, 2.8, 15), y)
+
+    def report(crs):
+        there = Raster.from_data(dataclasses.replace(data, crs=crs)).reference
+        scenario = episode.scenario.replace(extent=there.domain)
+        return SurveyReport(dataclasses.replace(episode, scenario=scenario, reference=there))
+
+    metres, degrees = report(METRES), report(WGS84)
+    assert length_unit(metres).text(0.5) == "1.40 m" and metres.x_label == "x"
+    assert length_unit(degrees).text(0.5) == "156 km" and degrees.x_label == "longitude (°)"
+    assert length_unit(report(PLANE)).text(0.5) == "1.40 map units"
 
 
 @pytest.mark.parametrize(("seconds", "name"), [(100.0, "s"), (3000.0, "min"), (50_000.0, "h"), (None, "")])

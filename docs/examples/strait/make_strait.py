@@ -13,6 +13,7 @@ import pyproj
 import shapely
 from matplotlib.cbook import get_sample_data
 
+from maipp.fields.raster import load_raster
 from maipp.files import atomic_path, write_atomic
 from maipp.surveys.raster_area import raster_polygons
 from maipp.surveys.survey import RasterArea
@@ -38,7 +39,7 @@ def cut_relief(path: Path) -> None:
 
 def metric_files(relief: Path, folder: Path) -> None:
     """Write the window and its land as GeoJSON polygons in metres."""
-    land = raster_polygons(RasterArea(relief, None, 0.0, False, str(relief)), geographic=True)
+    land = raster_polygons(RasterArea(relief, None, 0.0, False, str(relief)), load_raster(relief))
     with np.load(relief) as file:
         longitude, latitude = file["longitude"], file["latitude"]
     # A little smaller than the relief: in metres its borders are curved.

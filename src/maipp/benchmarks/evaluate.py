@@ -22,7 +22,7 @@ from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.rollout import lanes_at_most
 from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
-from maipp.fields.raster import Raster, load_raster
+from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.problem import Shape, params_of, shape_of
@@ -117,6 +117,7 @@ def evaluate(
     seed: int = 0,
     timing: bool = True,
     shape: Shape | None = None,
+    field: Raster | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
@@ -124,7 +125,8 @@ def evaluate(
     Instance i of a seed is the same world for every planner, so results can be paired; a trial draws fresh roadmaps
     and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
     this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
-    as its extent, and its instances differ in the start only. `timing=False` saves one compilation.
+    as its extent, and its instances differ in the start only; `field` is that file where it is not to be read with the
+    defaults of `read_field`. `timing=False` saves one compilation.
 
     `shape` is one that several evaluations share (`shape_of`), which are then compiled once: the numbers stay what they
     are up to rounding, missions with budgets below the largest take somewhat longer.
@@ -133,14 +135,17 @@ def evaluate(
     _check_counts(instances=instances, trials=trials)
     check_seed(seed)
     begun = time.perf_counter()
-    scenario, field = _with_field(scenario)
+    if field is None and scenario.field is not None:
+        field = read_field(scenario.field)
+    if field is not None:
+        scenario = scenario.replace(extent=field.domain)
     planner = make_planner(planner_name, scenario, options)
     missions = _draw(scenario, field, seed, instances, trials, planner, shape)
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     metrics = _run_in_parts(planner, missions, key, trials, progress)
     values = {
-        field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(instances, trials)
-        for field in dataclasses.fields(Metrics)
+        each.name: np.asarray(getattr(metrics, each.name), np.float64).reshape(instances, trials)
+        for each in dataclasses.fields(Metrics)
     }
     return Evaluation(
         scenario=scenario,
@@ -239,14 +244,6 @@ def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadm
     return draw_missions(
         scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, encodings=encodings
     )
-
-
-def _with_field(scenario: Scenario) -> tuple[Scenario, Raster | None]:
-    """The field of the scenario's file, and the scenario with its shape; None for drawn mixtures."""
-    if scenario.field is None:
-        return scenario, None
-    field = Raster.from_data(load_raster(scenario.field))
-    return scenario.replace(extent=field.domain), field
 
 
 def _check_counts(**counts: int) -> None:

@@ -4,7 +4,6 @@ The Strait of Georgia between Vancouver and its island: a trough of about 400 m 
 of high interest. The robots are taken to fly (airborne sounding), so they may cross land, which counts as depth 0.
 """
 
-import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +15,13 @@ from maipp.seeds import check_seed
 
 if TYPE_CHECKING:
     from maipp.engine.episode import Episode
-    from maipp.fields.raster import Mapping, Raster
+    from maipp.fields.raster import Raster
+    from maipp.geo import GeoReference
 
 WEST, EAST, SOUTH = 235.0, 237.05, 48.85  # degrees; the sample goes on to the north edge of this window
 DEPTH = 400.0  # metres; becomes 1 on the scenario's scale
 INTERESTING = 150.0  # metres
 START = (236.75, 49.3)  # off Vancouver, degrees
-_KM_PER_DEGREE = math.pi * 6371.0 / 180.0  # of latitude
 
 
 @dataclass(frozen=True)
@@ -45,6 +44,7 @@ def bathymetry() -> "Raster":
     from matplotlib.cbook import get_sample_data
 
     from maipp.fields.raster import Raster, RasterData
+    from maipp.geo import WGS84
 
     path = str(get_sample_data("topobathy.npz", asfileobj=False))
     with np.load(path) as file:
@@ -52,20 +52,20 @@ def bathymetry() -> "Raster":
     columns, rows = (longitude >= WEST) & (longitude <= EAST), latitude >= SOUTH
     depth = np.maximum(-elevation[rows][:, columns], 0.0)
     names = ("longitude (deg E)", "latitude (deg N)", "depth (m)")
-    data = RasterData(depth, longitude[columns], latitude[rows], path, *names)
-    return Raster.from_data(data, low=0.0, high=DEPTH, geographic=True)
+    data = RasterData(depth, longitude[columns], latitude[rows], path, *names, WGS84)
+    return Raster.from_data(data, low=0.0, high=DEPTH)
 
 
-def scenario_for(mapping: "Mapping") -> Scenario:
+def scenario_for(there: "GeoReference") -> Scenario:
     """Three robots that set out together; a prior fit for a trough some 20 km wide."""
     import numpy as np
 
     return Scenario.create(
         agents=3,
         budget=3.0,
-        extent=mapping.domain,
-        start=mapping.to_domain_points(np.array(START)).tolist(),
-        threshold=float(mapping.to_domain_values(INTERESTING)),
+        extent=there.domain,
+        start=there.to_domain(np.array(START)).tolist(),
+        threshold=float(there.to_domain_values(INTERESTING)),
         measurement_interval=0.1,
         length_scale=0.2,  # 30 km, the trough and its slopes
         signal_variance=0.2,  # depths vary by 180 m
@@ -81,9 +81,9 @@ def run(flags: Demo) -> int:
 
     check_seed(flags.seed, "--seed")
     field = bathymetry()
-    scenario = scenario_for(field.mapping)
+    scenario = scenario_for(field.reference)
     episode, paths = survey(scenario, flags.planner, {}, seed=flags.seed, out=flags.out, field=field)
-    kilometres = field.mapping.size[1] / field.mapping.domain[1] * _KM_PER_DEGREE  # in a domain unit
+    kilometres = (field.reference.metres_per_unit or 0.0) / 1000  # in a domain unit
     found = found_by(episode)
     print(f"Strait of Georgia, {scenario.extent[0] * kilometres:.0f} x {scenario.extent[1] * kilometres:.0f} km.")
     deep = f"{found.true[0]:.0%} of the area"
@@ -97,7 +97,7 @@ def run(flags: Demo) -> int:
 
 
 def _metres(episode: "Episode") -> float:
-    return float(episode.units.std(episode.metrics.rmse))
+    return float(episode.geo.to_user_std(episode.metrics.rmse))
 
 
 def main() -> int:

@@ -13,11 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
-from maipp.cli.options import PlannerFlags
+from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
+from maipp.fields.raster import Raster
 from maipp.planners import make_planner, planner_names, planner_options
-from maipp.problem import Shape, shape_of
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
@@ -25,8 +26,11 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Evaluate(PlannerFlags):
-    """Score planners on held-out missions; all planners and budgets meet the same worlds."""
+class Evaluate(FieldFlags):
+    """Score planners on held-out missions; all planners and budgets meet the same worlds.
+
+    With --field that is the file's field, read as `maipp plan` reads it, and missions differ in their starts.
+    """
 
     budget: Annotated[tuple[float, ...], tyro.conf.arg(metavar="LENGTH [LENGTH ...]", help_behavior_hint="")] = ()
     """length of path each agent may travel, domain units; several are evaluated one by one"""
@@ -53,8 +57,9 @@ class Evaluate(PlannerFlags):
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
     check_seed(flags.seed, "--seed")
-    rows = _rows(flags)
-    shape = _shared_shape([scenario for _, scenario, _ in rows])
+    field = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
+    rows = _rows(flags, field)
+    shape = shape_of([scenario for _, scenario, _ in rows])
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable(Path(str(flags.json)))
@@ -85,6 +90,7 @@ def run(flags: Evaluate) -> int:
                     seed=flags.seed,
                     timing=flags.timing,
                     shape=shape,
+                    field=field,
                     progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
                 )
                 done.append(evaluation)
@@ -115,7 +121,7 @@ def run(flags: Evaluate) -> int:
     return code
 
 
-def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
+def _rows(flags: Evaluate, field: Raster | None = None) -> list[tuple[str, Scenario, dict[str, str]]]:
     """Planner, scenario and options of every row. Raises `InputError` for what is wrong with any of them."""
     if not flags.planner:
         raise InputError(f"--planner: none given; give one or more of {', '.join(planner_names())}")
@@ -124,7 +130,7 @@ def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
     given = flags.planner_options()
     rows = []
     for budget in flags.budget or (None,):
-        scenario = flags.to_scenario(budget)
+        scenario = flags.in_field(flags.to_scenario(budget), field)
         for planner, own in names.items():
             # An option goes to the planners that have it; one that nobody has is refused by the first.
             others = set().union(*names.values()) - own
@@ -132,11 +138,6 @@ def _rows(flags: Evaluate) -> list[tuple[str, Scenario, dict[str, str]]]:
             make_planner(planner, scenario, options)  # before any work: a bad option in the last row costs nothing
             rows.append((planner, scenario, options))
     return rows
-
-
-def _shared_shape(scenarios: list[Scenario]) -> Shape | None:
-    """One shape for all budgets, so that each planner is compiled once; None where a file may set the extent."""
-    return None if any(scenario.field for scenario in scenarios) else shape_of(scenarios)
 
 
 def _table(evaluations: list[Evaluation]) -> Table:

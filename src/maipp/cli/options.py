@@ -4,14 +4,19 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import tyro
 
 from maipp.errors import InputError
 from maipp.planners import planner_names, planner_options
 from maipp.scenario import Scenario, ScenarioError
 from maipp.scenario_io import load_scenario
+
+if TYPE_CHECKING:  # they import JAX, which `--help` can do without
+    from maipp.fields.raster import Raster
+    from maipp.geo import GeoReference
 
 _SCENARIO_KEY = "scenario."
 
@@ -121,6 +126,89 @@ class PlannerFlags(ScenarioFlags):
         if self.weights is not None and not any(map(_has_weights, planners)):
             able = ", ".join(filter(_has_weights, planner_names()))
             raise InputError(f"--weights: no planner given has a policy; give --planner, one or more of {able}")
+
+
+@dataclass(frozen=True)
+class FieldFlags(PlannerFlags):
+    """The survey, its planners, and how to read the field's file: alike for every command that reads one."""
+
+    start: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="X Y", help_behavior_hint="")] = None
+    """where all agents set out, in coordinates of the field's file (domain units without one)"""
+
+    threshold: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="")] = None
+    """value from which a point is of high interest, in units of the field's file"""
+
+    value: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """array, column, band or variable of the field's file that holds the values, where there are several"""
+
+    low: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the smallest)")] = None
+    """value in the field's file that becomes 0"""
+
+    high: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the largest)")] = None
+    """value in the field's file that becomes 1"""
+
+    invert: bool = False
+    """low values are the interesting ones"""
+
+    geographic: bool = False
+    """the coordinates are degrees of longitude and latitude, though the file does not say so; short for --crs WGS84"""
+
+    crs: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: the file's)")] = None
+    """coordinate reference system of the file, such as EPSG:25833, in place of its own; none: a plain plane"""
+
+    corners: Annotated[
+        tuple[float, float, float, float] | None, tyro.conf.arg(metavar="X0 X1 Y0 Y1", help_behavior_hint="")
+    ] = None
+    """coordinates of the first and last column and of the first and last row, for a file without any"""
+
+    def read_field(self, scenario: Scenario) -> "Raster | None":
+        """The field of the scenario's file; None without one. Raises `InputError` for flags that contradict."""
+        given = {
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "invert": self.invert or None,
+            "geographic": self.geographic or None,
+            "crs": self.crs,
+            "corners": self.corners,
+        }
+        given = {name: value for name, value in given.items() if value is not None}
+        if scenario.field is None:
+            if given:
+                name = next(iter(given))
+                raise InputError(f"--{name}: says how to read a field's file, but there is none; give --field FILE")
+            return None
+        from maipp.fields.raster import read_field
+        from maipp.geo import read_crs
+
+        if given.pop("geographic", None):
+            if self.crs is not None and not read_crs(self.crs, "--crs").geographic:
+                raise InputError(f"--geographic: says degrees, --crs {self.crs} does not; give one of them")
+            given.setdefault("crs", "WGS84")
+        return read_field(scenario.field, **given)
+
+    def in_field(self, scenario: Scenario, field: "Raster | None") -> Scenario:
+        """The scenario with the field's shape, and --start and --threshold from its coordinates and unit."""
+        there = None if field is None else field.reference
+        changes: dict[str, Any] = {} if there is None else {"extent": there.domain}
+        if self.start is not None:
+            changes["start"] = self.start if there is None else _start_in(there, self.start)
+        if self.threshold is not None:
+            own = there is None
+            changes["threshold"] = self.threshold if own else float(there.to_domain_values(self.threshold))
+        return scenario.replace(**changes)
+
+
+def _start_in(there: "GeoReference", start: tuple[float, float]) -> tuple[float, float]:
+    """The domain position of a start in file coordinates; raises an `InputError` in these where it lies outside."""
+    (west, south), (width, height) = there.origin, there.size
+    if not (west <= start[0] <= west + width and south <= start[1] <= south + height):
+        raise InputError(
+            f"--start: {start[0]:g} {start[1]:g} is outside the field; give x from {west:g} to {west + width:g} "
+            f"and y from {south:g} to {south + height:g}"
+        )
+    x, y = there.to_domain(np.array(start)).tolist()
+    return min(x, there.domain[0]), min(y, there.domain[1])  # rounding may carry the far border across
 
 
 def _has_weights(planner: str) -> bool:

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from datetime import date
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import numpy as np
-import tyro
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from maipp.cli.options import PlannerFlags
+from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -23,7 +21,6 @@ from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
     from maipp.engine.episode import Episode
-    from maipp.fields.raster import Mapping as FieldMapping
     from maipp.fields.raster import Raster
     from maipp.team.told import Told
 
@@ -33,7 +30,7 @@ _STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", 
 
 
 @dataclass(frozen=True)
-class Plan(PlannerFlags):
+class Plan(FieldFlags):
     """Plan one survey and write its record, tables, pictures and interactive report.
 
     The files are episode.json, waypoints.csv, measurements.csv, overview.png, mission.mp4 or .gif, and, where plotly is
@@ -52,39 +49,15 @@ class Plan(PlannerFlags):
     out: Path = Path("out/plan")
     """folder to write to"""
 
-    start: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="X Y", help_behavior_hint="")] = None
-    """where all agents set out, in coordinates of the field's file (domain units without one)"""
-
-    threshold: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="")] = None
-    """value from which a point is of high interest, in units of the field's file"""
-
-    value: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """array or column of the field's file that holds the values, where there are several"""
-
-    low: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the smallest)")] = None
-    """value in the field's file that becomes 0"""
-
-    high: Annotated[float | None, tyro.conf.arg(metavar="VALUE", help_behavior_hint="(default: the largest)")] = None
-    """value in the field's file that becomes 1"""
-
-    invert: bool = False
-    """low values are the interesting ones"""
-
-    geographic: bool = False
-    """the file's coordinates are degrees of longitude and latitude"""
-
-    corners: Annotated[
-        tuple[float, float, float, float] | None, tyro.conf.arg(metavar="X0 X1 Y0 Y1", help_behavior_hint="")
-    ] = None
-    """coordinates of the first and last column and of the first and last row, for a file without any"""
-
     animation: bool = True
     """draw the animation, which takes a few seconds"""
 
 
 def run(flags: Plan) -> int:
     """Plan the survey that the flags describe, write its files, print its numbers."""
-    scenario, field = _world(flags)
+    scenario = flags.to_scenario()
+    field = flags.read_field(scenario)
+    scenario = flags.in_field(scenario, field)
     check_seed(flags.seed, "--seed")
     flags.check_weights([flags.planner])
     episode, paths = survey(
@@ -141,13 +114,15 @@ def survey(
 
 def report(episode: "Episode", paths: list[Path]) -> None:
     """Print the survey's numbers and the paths of its files to standard output."""
-    metrics, units, scenario = episode.metrics, episode.units, episode.scenario
-    scale = units.length_scale
+    metrics, there, scenario = episode.metrics, episode.geo, episode.scenario
+    scale, unit = there.metres_per_unit, " m"
+    if scale is None:
+        scale, unit = (there.length_scale, "") if episode.reference else (None, "")
     lengths = [agent.distance * (scale or 1.0) for agent in episode.agents]
     distances = ", ".join(f"{length:.4g}" for length in lengths)
     if len(lengths) > 4:
         distances = f"{sum(lengths):.4g} in all, {min(lengths):.4g} to {max(lengths):.4g} each,"
-    length = "" if scale and episode.mapping else " domain units"
+    length = unit if scale else " domain units"
     unspent = f"{episode.unspent * (scale or 1.0):.4g}{length}, mean over the agents"
     table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
     table.add_column()
@@ -158,7 +133,10 @@ def report(episode: "Episode", paths: list[Path]) -> None:
         ("Tr(P)", f"{metrics.trace:.4g} (before: {metrics.curve_trace[0]:.4g})"),
         ("Tr(P), own beliefs", f"{metrics.own_trace.mean():.4g}"),
         ("Tr(P), true area", f"{metrics.true_trace:.4g}"),
-        ("RMSE", f"{float(units.std(metrics.rmse)):.4g}" + (f" ({units.value})" if episode.mapping else "")),
+        (
+            "RMSE",
+            f"{float(there.to_user_std(metrics.rmse)):.4g}" + (f" ({there.value_name})" if episode.reference else ""),
+        ),
         ("mutual information", f"{metrics.mutual_information:.4g} nats"),
         ("distance travelled", distances + length),
         ("budget unspent", unspent),
@@ -183,48 +161,6 @@ def report(episode: "Episode", paths: list[Path]) -> None:
         Console(stderr=True, highlight=False, soft_wrap=True).print(warning, markup=False)
     if all(path.name != _REPORT for path in paths):
         console.print(f"left out {_REPORT}: it needs plotly, pip install 'maipp[geo]'", markup=False)
-
-
-def _world(flags: Plan) -> "tuple[Scenario, Raster | None]":
-    """The scenario that the flags describe, and the field where it comes from a file."""
-    scenario = flags.to_scenario()
-    only_with_field = {
-        "value": flags.value,
-        "low": flags.low,
-        "high": flags.high,
-        "invert": flags.invert or None,
-        "geographic": flags.geographic or None,
-        "corners": flags.corners,
-    }
-    field = None
-    if scenario.field is None:
-        for name, value in only_with_field.items():
-            if value is not None:
-                raise InputError(f"--{name}: says how to read a field's file, but there is none; give --field FILE")
-    else:
-        from maipp.fields.raster import Raster, load_raster
-
-        data = load_raster(scenario.field, value=flags.value, extent=flags.corners)
-        field = Raster.from_data(data, low=flags.low, high=flags.high, invert=flags.invert, geographic=flags.geographic)
-    mapping = field and field.mapping
-    changes: dict[str, object] = {} if mapping is None else {"extent": mapping.domain}
-    if flags.start is not None:
-        changes["start"] = flags.start if mapping is None else _start_in(mapping, flags.start)
-    if flags.threshold is not None:
-        changes["threshold"] = flags.threshold if mapping is None else float(mapping.to_domain_values(flags.threshold))
-    return scenario.replace(**changes), field
-
-
-def _start_in(mapping: "FieldMapping", start: tuple[float, float]) -> tuple[float, float]:
-    """The domain position of a start in file coordinates; raises an `InputError` in these where it lies outside."""
-    (west, south), (width, height) = mapping.origin, mapping.size
-    if not (west <= start[0] <= west + width and south <= start[1] <= south + height):
-        raise InputError(
-            f"--start: {start[0]:g} {start[1]:g} is outside the field; give x from {west:g} to {west + width:g} "
-            f"and y from {south:g} to {south + height:g}"
-        )
-    x, y = mapping.to_domain_points(np.array(start)).tolist()
-    return min(x, mapping.domain[0]), min(y, mapping.domain[1])  # rounding may carry the far border across
 
 
 def _has_plotly() -> bool:
@@ -260,8 +196,8 @@ def _simulate(
     else:
         states = jax.block_until_ready(run_missions(planner, missions, jax.random.key(seed)))
     advance()
-    mapping = None if field is None else field.mapping
-    episode = Episode.from_state(scenario, name, options, seed, missions, states, mapping=mapping)
+    there = None if field is None else field.reference
+    episode = Episode.from_state(scenario, name, options, seed, missions, states, reference=there)
     _ = episode.metrics  # computed here, under its own step
     advance()
     return episode, told

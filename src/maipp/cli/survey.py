@@ -158,7 +158,7 @@ def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RouteP
     if prepared.fit is not None:
         from maipp.viz.kernel_fit import save_kernel_fit
 
-        metres = prepared.prior_x * prepared.frame.metres_per_unit
+        metres = prepared.prior_x * prepared.frame.scale
         values = prepared.frame.to_user_values(prepared.prior_y)
         unit = prepared.survey.unit or ""
         save_kernel_fit(prepared.fit, metres, values, folder / "kernel.png", length_unit="m", unit=unit)
@@ -178,7 +178,7 @@ def _describe(prepared: "PreparedSurvey", console: Console) -> None:
     survey, frame, scenario = prepared.survey, prepared.frame, prepared.scenario
     width, height = frame.size
     unit = f" {survey.unit}" if survey.unit else ""
-    scale = scenario.length_scale * frame.metres_per_unit
+    scale = scenario.length_scale * frame.scale
     fitted = f", fitted to {prepared.fit.samples} samples" if prepared.fit is not None else ""
     noise = float(frame.to_user_std(scenario.noise**0.5))
     table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
@@ -206,7 +206,7 @@ def _robots_table(prepared: "PreparedSurvey", episode: "Episode") -> Table:
     for name, agent in zip(prepared.names, episode.agents, strict=True):
         x, y = frame.to_user(agent.route[-1]).tolist()
         end = f"{x:.5f}, {y:.5f}" if frame.geographic else f"{x:.1f}, {y:.1f}"
-        length = agent.distance * frame.metres_per_unit
+        length = agent.distance * frame.scale
         share = f"{agent.distance / agent.budget:.0%}"
         count = str(len(agent.measurement_y))
         table.add_row(name, f"{length:.0f}", share, f"{minutes(prepared, agent):.1f}", count, end)
@@ -236,7 +236,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
             raise InputError(f"--fields: {flags.fields} is not a number of fields from 1 to 10000")
         rehearsal = dataclasses.replace(rehearsal, fields=flags.fields)
     if flags.raster is not None:
-        rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None)
+        rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None, crs=None)
     notes = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with staged_folder(flags.out) as stage:

@@ -11,14 +11,13 @@ from jax import lax
 
 from maipp.belief import PriorSamples, condition, mutual_information
 from maipp.belief.interest import upper_confidence_bound
-from maipp.engine.episode_units import Units
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.observe import time_tolerance
 from maipp.engine.score import interest_of, kernel_of
 from maipp.engine.state import REASONS, State
 from maipp.fields import evaluation_grid
-from maipp.fields.raster import Mapping
+from maipp.geo import GeoReference
 from maipp.problem import Problem, problem_of
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.typing import Array, Bool, Float, Int
@@ -82,7 +81,7 @@ class Episode:
     truth: Float[np.ndarray, " q"]  # ground truth on the evaluation grid, normalised units
     inside: Bool[np.ndarray, " q"]  # grid points of the survey area
     message_bytes: int  # size of the message sent with every decision
-    mapping: Mapping | None = None  # to the coordinates and units of the file the field was read from
+    reference: GeoReference | None = None  # to the coordinates and units of the field's file, or of a survey's user
     recorded: EpisodeMetrics | None = field(default=None, repr=False)  # metrics as read from a file
     prior: PriorSamples | None = None  # samples taken before the survey, which all beliefs are conditioned on
 
@@ -96,7 +95,7 @@ class Episode:
         missions: Mission,
         states: State,
         index: int = 0,
-        mapping: Mapping | None = None,
+        reference: GeoReference | None = None,
     ) -> "Episode":
         """The record of mission `index` of a finished batch (leading axis b on every array)."""
         host: Any = jax.device_get(states)
@@ -148,7 +147,7 @@ class Episode:
             truth,
             inside,
             size,
-            mapping,
+            reference,
             prior=prior,
         )
 
@@ -158,9 +157,14 @@ class Episode:
         return self.recorded or replay(self)
 
     @property
-    def units(self) -> Units:
-        """What turns the record into the coordinates and units of the field's file."""
-        return Units(self.mapping)
+    def geo(self) -> GeoReference:
+        """What turns the record into a person's coordinates and units; domain units where there are no others."""
+        return self.reference or GeoReference.of_domain(self.scenario.extent)
+
+    @cached_property
+    def drawn(self) -> GeoReference:
+        """The same for pictures, whose axes are straight."""
+        return self.geo.for_pictures
 
     @property
     def decisions(self) -> int:

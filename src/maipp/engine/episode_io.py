@@ -13,9 +13,9 @@ import numpy as np
 from maipp.belief import PriorSamples
 from maipp.engine.checked_json import Key, pretty
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
+from maipp.engine.episode_place import read_reference
 from maipp.engine.state import REASONS
 from maipp.errors import InputError
-from maipp.fields.raster import Mapping
 from maipp.files import write_atomic
 from maipp.scenario import Scenario, ScenarioError
 from maipp.seeds import LARGEST_SEED
@@ -33,7 +33,7 @@ def write_episode(episode: Episode, path: StrPath) -> None:
 
 def dump_episode(episode: Episode) -> str:
     """The record as JSON text, with the metrics."""
-    side, metrics, mapping = episode.scenario.grid, episode.metrics, episode.mapping
+    side, metrics, reference = episode.scenario.grid, episode.metrics, episode.reference
     record = {
         "schema": SCHEMA,
         "precision": str(episode.truth.dtype),
@@ -41,7 +41,7 @@ def dump_episode(episode: Episode) -> str:
         "seed": episode.seed,
         "index": episode.index,
         "scenario": episode.scenario.to_dict(),
-        "mapping": None if mapping is None else {name: getattr(mapping, name) for name in mapping.__dataclass_fields__},
+        "mapping": None if reference is None else reference.to_dict(),
         "metrics": {
             "trace": metrics.trace,
             "own_trace": _plain(metrics.own_trace),
@@ -109,7 +109,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
         truth=np.stack([row.numbers(real, side) for row in record["truth"].items(side)]).reshape(-1),
         inside=inside,
         message_bytes=record["message_bytes"].whole(),
-        mapping=_read_mapping(record["mapping"], scenario),
+        reference=read_reference(record["mapping"], scenario),
         prior=_read_prior(record["prior"], real) if "prior" in record.mapping() else None,
         recorded=EpisodeMetrics(
             trace=metrics["trace"].number(),
@@ -124,30 +124,33 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
 
 
 def waypoints_csv(episode: Episode) -> str:
-    """Route vertices as CSV: agent, order, x, y, time, distance travelled; file coordinates where there are any.
+    """Route vertices as CSV: agent, order, x, y, time, distance travelled; the user's coordinates where there are any.
 
-    Where a unit of x and one of y differ in length (degrees), the last column is `distance_domain`, in domain units.
+    The last column is `distance_m` where it is known how long a domain unit is on the ground; else `distance` in the
+    file's units, or `distance_domain` in domain units where a unit of x and one of y differ in length.
     """
-    units = episode.units
-    scale = units.length_scale
+    there = episode.geo
+    scale, heading = there.metres_per_unit, "distance_m"
+    if scale is None:
+        scale, heading = there.length_scale, "distance"
     rows = []
     for index, agent in enumerate(episode.agents):
         lengths = np.linalg.norm(np.diff(agent.route.astype(np.float64), axis=0), axis=-1)
         distance = np.append(0.0, np.cumsum(lengths)) * (scale or 1.0)
-        places = zip(units.points(agent.route), agent.route_time, distance, strict=True)
+        places = zip(there.to_user(agent.route), agent.route_time, distance, strict=True)
         rows += [(index, order, *place, time, length) for order, (place, time, length) in enumerate(places)]
-    return _csv(("agent", "order", units.x, units.y, "time", "distance" if scale else "distance_domain"), rows)
+    return _csv(("agent", "order", there.x_name, there.y_name, "time", heading if scale else "distance_domain"), rows)
 
 
 def measurements_csv(episode: Episode) -> str:
-    """Measurements as CSV: agent, order, x, y, value, time; in the file's coordinates and units where there are any."""
-    units = episode.units
+    """Measurements as CSV: agent, order, x, y, value, time; the user's coordinates and units where there are any."""
+    there = episode.geo
     rows = []
     for index, agent in enumerate(episode.agents):
-        places, values = units.points(agent.measurement_x), units.values(agent.measurement_y)
+        places, values = there.to_user(agent.measurement_x), there.to_user_values(agent.measurement_y)
         taken = zip(places, values, agent.measurement_time, strict=True)
         rows += [(index, order, *place, value, time) for order, (place, value, time) in enumerate(taken)]
-    return _csv(("agent", "order", units.x, units.y, units.value, "time"), rows)
+    return _csv(("agent", "order", there.x_name, there.y_name, there.value_name, "time"), rows)
 
 
 def _csv(header: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> str:
@@ -270,24 +273,3 @@ def _check_known(key: Key, agents: tuple[AgentRecord, ...]) -> None:
             if count > len(agents[j].measurement_y):
                 where = Key(key.source, f"{key.name}[{i}].known[{j}]", None)
                 where.wrong(f"is {count}, but agent {j} took {len(agents[j].measurement_y)} measurements")
-
-
-def _read_mapping(key: Key, scenario: Scenario) -> Mapping | None:
-    if key.value is None:
-        return None
-
-    def pair(name: str) -> tuple[float, float]:
-        first, second = key[name].numbers(np.dtype(np.float64), 2).tolist()
-        return first, second
-
-    origin, size, domain = pair("origin"), pair("size"), pair("domain")
-    zero, one = key["value_at_zero"].number(), key["value_at_one"].number()
-    for name, sides in (("size", size), ("domain", domain)):
-        if min(sides) <= 0:
-            key[name].wrong(f"is {list(sides)}; both must be above 0")
-    if domain != scenario.extent:
-        key["domain"].wrong(f"is {list(domain)}, but scenario.extent is {list(scenario.extent)}")
-    if zero == one:
-        key["value_at_one"].wrong("is the same as value_at_zero")
-    names = [None if key[name].value is None else key[name].text() for name in ("x_name", "y_name", "value_name")]
-    return Mapping(origin, size, domain, zero, one, *names)

@@ -2,15 +2,21 @@
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from maipp.errors import InputError
 from maipp.fields.raster_data import X_NAMES, Y_NAMES
 
 _SEPARATORS = (";", "\t", ",")
-_DIGIT_FIRST = re.compile(r"[+-]?[.,]?\d")
+# What a line of numbers may begin with; a map's first line may be without a value throughout.
+_NUMBER_FIRST = re.compile(r"[+-]?([.,]?\d|(nan|inf)$)", re.IGNORECASE)
+_MISSING = {"", "-", "--", "na", "n/a", "nan", "null", "none", "nil", "missing"}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII)
 
 
 class CsvTable(NamedTuple):
@@ -22,6 +28,29 @@ class CsvTable(NamedTuple):
     rows: list[list[str]]  # at least one
     lines: list[int]  # the line that each row begins on, counting from 1
     decimal_comma: bool  # whether a comma in a cell may be a decimal one
+
+    def number(self, cell: str) -> float | None:
+        """The number in a cell, inf included; None where it is none."""
+        if self.decimal_comma and cell.count(",") == 1 and "." not in cell:
+            cell = cell.replace(",", ".")
+        return float(cell) if _NUMBER.fullmatch(cell) else None
+
+    def numbers(self, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
+        """The numbers in these columns, NaN where one is missing. Raises InputError naming line and column."""
+        return np.array([[self._number(row, column) for column in columns] for row in range(len(self.rows))])
+
+    def _number(self, row: int, column: int) -> float:
+        cell = self.rows[row][column]
+        number = float("nan") if missing(cell) else self.number(cell)
+        if number is None:
+            shown = cell if len(cell) <= 40 else cell[:37] + "..."
+            raise InputError(f"{self.path}, line {self.lines[row]}, column {column + 1}: {shown!r} is not a number")
+        return number
+
+
+def missing(cell: str) -> bool:
+    """Whether a cell says that there is no value."""
+    return cell.lower() in _MISSING
 
 
 def read_table(path: Path) -> CsvTable:
@@ -35,7 +64,7 @@ def read_table(path: Path) -> CsvTable:
     comments = [(number, line.lstrip().lstrip("#")) for number, line in lines if line.lstrip().startswith("#")]
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
     if not lines:
-        raise InputError(f"{path}: the file is empty; no line of samples in it")
+        raise InputError(f"{path}: the file is empty; no line of numbers in it")
     if separator is None:
         separator = next((mark for mark in _SEPARATORS if mark in lines[0][1]), None)
     rows, numbers = [], []
@@ -48,18 +77,18 @@ def read_table(path: Path) -> CsvTable:
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV file ({error})") from None
     header, header_line = None, 0
-    if not any(_DIGIT_FIRST.match(cell) for cell in rows[0]):
+    if not any(_NUMBER_FIRST.match(cell) for cell in rows[0]):
         header, header_line = rows.pop(0), numbers.pop(0)
     elif (named := _commented_header(comments, separator, len(rows[0]), numbers[0])) is not None:
         header_line, header = named
     if not rows:
-        raise InputError(f"{path}: there is no line of samples below the header")
-    width = len(header or rows[0])
+        raise InputError(f"{path}: there is no line of numbers below the header")
+    width, before = len(header or rows[0]), "the header names" if header else "the lines before have"
     for number, cells in zip(numbers, rows, strict=True):
         if len(cells) != width:
             comma = separator == "," and len(cells) > width
             hint = "; numbers with a decimal comma need a semicolon between the columns" if comma else ""
-            raise InputError(f"{path}, line {number}: {len(cells)} columns where {width} are named{hint}")
+            raise InputError(f"{path}, line {number}: {len(cells)} columns where {before} {width}{hint}")
     return CsvTable(path, header, header_line, rows, numbers, separator in (";", "\t"))
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,49 +12,9 @@ from jaxtyping import Array, Float, Int
 from maipp.errors import InputError
 from maipp.fields.raster_data import RasterData
 from maipp.fields.raster_io import load_raster
+from maipp.geo import WGS84, GeoReference, ground_scale, read_crs
 
-__all__ = ["Mapping", "Raster", "RasterData", "load_raster"]
-
-HostPoints = Float[np.ndarray | Array, "*batch 2"]
-HostValues = Float[np.ndarray | Array, "..."] | float
-
-
-@dataclass(frozen=True)
-class Mapping:
-    """The affine map between a file's units and the scenario's: [0,width] x [0,height] and values 0..1.
-
-    Plain floats and hashable, so that it can be static under jit. Every method computes in float64 on the
-    host and returns a numpy array of the shape given.
-    """
-
-    origin: tuple[float, float]  # file coordinates (x, y) of the domain's corner (0, 0)
-    size: tuple[float, float]  # extent of the file in x and y, file units
-    domain: tuple[float, float]  # (width, height) of the domain, domain units
-    value_at_zero: float  # file value that becomes 0
-    value_at_one: float  # file value that becomes 1; below value_at_zero when inverted
-    x_name: str | None = None
-    y_name: str | None = None
-    value_name: str | None = None
-
-    def to_domain_points(self, points: HostPoints) -> Float[np.ndarray, "*batch 2"]:
-        """Domain positions of file coordinates (..., 2), order x, y."""
-        return np.asarray((_host(points) - self.origin) / self.size * self.domain)
-
-    def to_file_points(self, points: HostPoints) -> Float[np.ndarray, "*batch 2"]:
-        """File coordinates of domain positions (..., 2), order x, y."""
-        return np.asarray(_host(points) / self.domain * self.size + self.origin)
-
-    def to_domain_values(self, values: HostValues) -> Float[np.ndarray, "..."]:
-        """Values on the scenario's scale (0..1 for the default limits) of values in file units."""
-        return np.asarray((_host(values) - self.value_at_zero) / (self.value_at_one - self.value_at_zero))
-
-    def to_file_values(self, values: HostValues) -> Float[np.ndarray, "..."]:
-        """Values in file units of values on the scenario's scale."""
-        return np.asarray(_host(values) * (self.value_at_one - self.value_at_zero) + self.value_at_zero)
-
-    def to_file_std(self, std: HostValues) -> Float[np.ndarray, "..."]:
-        """Standard deviations in file units: scaled by the slope's magnitude, not shifted."""
-        return np.asarray(_host(std) * abs(self.value_at_one - self.value_at_zero))
+__all__ = ["Raster", "RasterData", "load_raster", "read_field"]
 
 
 class Raster(eqx.Module):
@@ -63,7 +23,7 @@ class Raster(eqx.Module):
     values: Float[Array, "rows cols"]  # on the scenario's scale, 0..1 for the default limits
     x: Float[Array, " cols"]  # column positions, domain units, ascending from 0 to width
     y: Float[Array, " rows"]  # row positions, domain units, ascending from 0 to height
-    mapping: Mapping = eqx.field(static=True)
+    reference: GeoReference = eqx.field(static=True)
 
     @classmethod
     def from_data(
@@ -74,19 +34,17 @@ class Raster(eqx.Module):
         low: float | None = None,
         high: float | None = None,
         invert: bool = False,
-        geographic: bool = False,
     ) -> "Raster":
         """The field of `data` in the scenario's units.
 
-        Positions: the longest side becomes 1 and the aspect ratio is kept; `geographic` says the coordinates
-        are degrees and shrinks x by cos(middle latitude) so that the ratio is metric. `extent` = (width,
-        height) of a fixed domain stretches the file over it instead.
+        Positions: the longest side becomes 1, and the proportions are those on the ground at the file's middle where
+        its reference system is known, else those of its coordinates. `extent` = (width, height) of a fixed domain
+        stretches the file over it instead.
         Values: `low` -> 0 and `high` -> 1, linearly and without clipping; they default to the smallest and
         largest value. `invert` swaps the two, so that the lowest value is the most interesting.
-        Raises InputError for limits or extents that are not usable and for grid lines that the working
-        precision cannot tell apart.
+        Raises InputError for limits or extents that are not usable, for degrees that are none, and for grid lines that
+        the working precision cannot tell apart.
         """
-        size = (float(data.x[-1] - data.x[0]), float(data.y[-1] - data.y[0]))
         low = float(data.values.min() if low is None else low)
         high = float(data.values.max() if high is None else high)
         # The difference is tested, not only the order: it is what everything is divided by.
@@ -95,21 +53,24 @@ class Raster(eqx.Module):
                 f"{data.source}: low={low:g} and high={high:g} span no finite range; low must be below high"
                 + (" (use invert to make the lowest value 1)" if low > high else "")
             )
-        mapping = Mapping(
+        size = (float(data.x[-1] - data.x[0]), float(data.y[-1] - data.y[0]))
+        domain, metres_per_unit = _domain(data, size, extent)
+        there = GeoReference(
             origin=(float(data.x[0]), float(data.y[0])),
             size=size,
-            domain=_domain(data, size, extent, geographic),
+            domain=domain,
             value_at_zero=high if invert else low,
             value_at_one=low if invert else high,
-            x_name=data.x_name,
-            y_name=data.y_name,
-            value_name=data.value_name,
+            x_name=data.x_name or "x",
+            y_name=data.y_name or "y",
+            value_name=data.value_name or "value",
+            plane=data.crs,
+            metres_per_unit=metres_per_unit,
         )
-        x = jnp.asarray((data.x - mapping.origin[0]) / size[0] * mapping.domain[0])
-        y = jnp.asarray((data.y - mapping.origin[1]) / size[1] * mapping.domain[1])
+        x, y = (jnp.asarray((axis - there.origin[i]) / size[i] * domain[i]) for i, axis in enumerate((data.x, data.y)))
         with np.errstate(over="ignore"):  # told below, in words
-            values = jnp.asarray(mapping.to_domain_values(data.values))
-        for name, axis, file_axis in ((data.x_name or "x", x, data.x), (data.y_name or "y", y, data.y)):
+            values = jnp.asarray(there.to_domain_values(data.values))
+        for name, axis, file_axis in ((there.x_name, x, data.x), (there.y_name, y, data.y)):
             merged = np.flatnonzero(np.diff(np.asarray(axis)) <= 0)
             if len(merged):
                 a, b = file_axis[merged[0]], file_axis[merged[0] + 1]
@@ -119,12 +80,12 @@ class Raster(eqx.Module):
                 )
         if not np.isfinite(np.asarray(values)).all():
             raise InputError(f"{data.source}: low={low:g} and high={high:g} are so close that the values overflow")
-        return cls(values=values, x=x, y=y, mapping=mapping)
+        return cls(values=values, x=x, y=y, reference=there)
 
     @property
     def domain(self) -> tuple[float, float]:
         """Width and height of the domain [0,width] x [0,height], domain units."""
-        return self.mapping.domain
+        return self.reference.domain
 
     def __call__(self, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
         """Field values at domain positions (n, 2): bilinear, exact at samples, the border's value outside."""
@@ -136,6 +97,26 @@ class Raster(eqx.Module):
         return lower_edge * (1 - upper) + upper_edge * upper
 
 
+def read_field(
+    path: str | Path,
+    *,
+    value: str | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    invert: bool = False,
+    crs: str | None = None,
+    corners: Sequence[float] | None = None,
+) -> Raster:
+    """The ground truth in a file, for every command alike.
+
+    `value` names the array, column, band or variable; `low` and `high` become 0 and 1, or the other way round with
+    `invert`; `crs` says what the coordinates are, in place of what the file says; `corners` places a file without any
+    (x of the first and last column, y of the first and last row). Raises InputError for what is no such field.
+    """
+    own = None if crs is None else read_crs(crs, "crs")
+    return Raster.from_data(load_raster(path, value=value, extent=corners, crs=own), low=low, high=high, invert=invert)
+
+
 def _locate(axis: Float[Array, " k"], position: Float[Array, " n"]) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
     """The cell of each position along an ascending axis, and how far through that cell it lies (0..1)."""
     cell = jnp.clip(jnp.searchsorted(axis, position, side="right") - 1, 0, axis.shape[0] - 2)
@@ -144,28 +125,22 @@ def _locate(axis: Float[Array, " k"], position: Float[Array, " n"]) -> tuple[Int
 
 
 def _domain(
-    data: RasterData, size: tuple[float, float], extent: Sequence[float] | None, geographic: bool
-) -> tuple[float, float]:
+    data: RasterData, size: tuple[float, float], extent: Sequence[float] | None
+) -> tuple[tuple[float, float], float | None]:
+    """Width and height of the domain, and the true metres of a domain unit where they are known."""
     if extent is not None:
-        if geographic:
-            raise InputError(f"{data.source}: give extent or geographic, not both; extent fixes the aspect ratio")
         if len(extent) != 2 or not all(math.isfinite(side) and side > 0 for side in extent):
             raise InputError(
                 f"{data.source}: extent must be the domain's (width, height), both above 0; got "
                 + ",".join(f"{side:g}" for side in extent)
             )
-        return float(extent[0]), float(extent[1])
-    width, height = size
-    if geographic:
-        south, north = float(data.y[0]), float(data.y[-1])
-        if south < -90 or north > 90 or width > 360:
-            raise InputError(
-                f"{data.source}: geographic needs degrees, but x spans {width:g}, y is {south:g}..{north:g}"
-            )
-        width *= math.cos(math.radians((south + north) / 2))
+        return (float(extent[0]), float(extent[1])), None
+    if data.crs == WGS84 and (data.y[0] < -90 or data.y[-1] > 90 or size[0] > 360):
+        raise InputError(
+            f"{data.source}: its coordinates are said to be degrees, but x spans {size[0]:g} and y is {data.y[0]:g}.."
+            f"{data.y[-1]:g}; say what they are with crs, or none for a plain plane"
+        )
+    scale = ground_scale(data.crs, (data.x[0] + size[0] / 2, data.y[0] + size[1] / 2))
+    width, height = size if scale is None else (size[0] * scale[0], size[1] * scale[1])
     longest = max(width, height)
-    return width / longest, height / longest
-
-
-def _host(array: HostValues) -> Float[np.ndarray, "..."]:
-    return np.asarray(array, dtype=np.float64)
+    return (width / longest, height / longest), None if scale is None else longest

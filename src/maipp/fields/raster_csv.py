@@ -9,49 +9,6 @@ from maipp.errors import InputError
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in
 
 
-def parse_csv(path: Path) -> tuple[list[str] | None, np.ndarray, list[int]]:
-    """The header (if any), the table of numbers, and the line each of its rows stands on."""
-    header: list[str] | None = None
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    separator: str | None = None
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte-order mark
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text; save it as a plain CSV") from error
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
-        comment = line.lstrip().startswith("#")
-        if comment and rows:
-            continue
-        content = line.lstrip().lstrip("#") if comment else line
-        if not rows:
-            separator = next((mark for mark in (";", "\t", ",") if mark in content), None)
-        cells = [cell.strip().strip("\"'") for cell in content.split(separator)]
-        if not rows:
-            named = {cell.lower() for cell in cells}
-            names_xy = bool(named & set(X_NAMES) and named & set(Y_NAMES))
-            if names_xy or (header is None and not comment and not any(map(_is_number, cells))):
-                header = cells
-                continue
-            if comment:
-                continue
-        width = len(header or (rows[0] if rows else cells))
-        if len(cells) != width:
-            raise InputError(f"{path}, line {number}: {len(cells)} values where the lines before have {width}")
-        try:
-            rows.append([float(cell) for cell in cells])
-        except ValueError:
-            column = next(i for i, cell in enumerate(cells) if not _is_number(cell))
-            what = f"'{cells[column]}' is not a number" if cells[column] else "is empty"
-            raise InputError(f"{path}, line {number}, column {column + 1}: {what}") from None
-        lines.append(number)
-    if not rows:
-        raise InputError(f"{path}: the file is empty; no line of numbers in it")
-    return header, np.array(rows), lines
-
-
 def csv_columns(path: Path, header: list[str], value: str | None) -> tuple[int, int, int]:
     """Which columns hold x, y and the value, by name or, where neither axis is named, in that order."""
     lower = [name.lower() for name in header]
@@ -73,7 +30,7 @@ def grid_from_rows(
     path: Path,
     table: Float[np.ndarray, "n 3"],
     lines: list[int],
-    names: tuple[str | None, ...],
+    names: tuple[str | None, str | None, str | None],
     fill: bool = False,
 ) -> RasterData:
     """The grid that x,y,value rows in any order fill; InputError where a cell is missing or given twice.
@@ -116,11 +73,3 @@ def _distinct(coordinate: Float[np.ndarray, " n"]) -> tuple[np.ndarray, np.ndarr
     # Exported coordinates carry rounding in the last digits: that close, they are the same line of the grid.
     starts = np.concatenate([[True], np.diff(unique) > 1e-9 * (unique[-1] - unique[0])])
     return unique[starts], (np.cumsum(starts) - 1)[inverse]
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
 
 from maipp.errors import InputError
+from maipp.geo import PLANE, Crs
 
 X_NAMES = ("x", "lon", "longitude", "easting")
 Y_NAMES = ("y", "lat", "latitude", "northing")
@@ -33,7 +34,7 @@ class RasterData:
     x_name: str | None = None
     y_name: str | None = None
     value_name: str | None = None
-    crs: str | None = None  # coordinate reference system, such as EPSG:4326, or as WKT; None where the file has none
+    crs: Crs = PLANE  # what the coordinates are; a plane of no known place where nobody says
     missing: np.ndarray | None = None  # (rows, cols) bool, True where the file has no value; None: none is missing
 
     def __post_init__(self) -> None:

@@ -10,14 +10,18 @@ import numpy as np
 from maipp.errors import InputError
 from maipp.fields.raster_data import RasterData, choose, gaps_in
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
+from maipp.geo import PLANE, Crs, read_crs
 
 MOST_CELLS = 25_000_000  # 200 MB in float64
 
 
-def read_geotiff(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
+def read_geotiff(
+    path: Path, value: str | None, extent: Sequence[float] | None, fill: bool, own: Crs | None
+) -> RasterData:
     """One band of a GeoTIFF; coordinates are those of the cells' centres, scale and offset of the band are applied.
 
-    Raises InputError where rasterio is missing, for grids that are rotated or sheared, and for damaged files.
+    `own` stands in place of the file's reference system. Raises InputError where rasterio is missing, for grids that
+    are rotated or sheared, for reference systems that nobody knows, and for damaged files.
     """
     try:
         import rasterio
@@ -54,9 +58,11 @@ def read_geotiff(path: Path, value: str | None, extent: Sequence[float] | None, 
     rows, cols = data.shape
     x = transform.c + transform.a * (np.arange(cols) + 0.5)
     y = transform.f + transform.e * (np.arange(rows) + 0.5)
-    names = ("longitude", "latitude") if crs is not None and crs.is_geographic else ("x", "y")
+    if own is None:
+        own = PLANE if crs is None else read_crs(_text(crs), str(path))
+    names = ("longitude", "latitude") if own.geographic else ("x", "y")
     missing = gaps_in(data) if fill else None
-    return RasterData(data, x, y, str(path), *names, name, _crs_text(crs), missing)
+    return RasterData(data, x, y, str(path), *names, name, own, missing)
 
 
 def _band(path: Path, descriptions: list[str], value: str | None) -> int:
@@ -67,10 +73,8 @@ def _band(path: Path, descriptions: list[str], value: str | None) -> int:
     return names.index(choose(names, value, f"{path}: ", "band")) + 1
 
 
-def _crs_text(crs: object) -> str | None:
+def _text(crs: object) -> str:
     """`EPSG:code` where the system has one, else its WKT."""
-    if crs is None:
-        return None
     epsg = crs.to_epsg()  # type: ignore[attr-defined]
     return f"EPSG:{epsg}" if epsg is not None else crs.to_wkt()  # type: ignore[attr-defined]
 

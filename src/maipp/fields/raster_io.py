@@ -1,5 +1,6 @@
 """Gridded fields as people bring them: NumPy, CSV, GeoTIFF and NetCDF files read to one checked grid."""
 
+import dataclasses
 import tokenize
 import zipfile
 import zlib
@@ -10,11 +11,13 @@ from typing import NoReturn
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.fields.raster_csv import csv_columns, grid_from_rows, parse_csv
+from maipp.fields.csv_table import read_table
+from maipp.fields.raster_csv import csv_columns, grid_from_rows
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric
 from maipp.fields.raster_geotiff import read_geotiff
 from maipp.fields.raster_netcdf import read_netcdf
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
+from maipp.geo import Crs
 
 # What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of
 # headers lets through what Python's tokenizer and parser say of them, and sizes that no memory holds.
@@ -42,6 +45,7 @@ def load_raster(
     extent: Sequence[float] | None = None,
     at: Mapping[str, int] | None = None,
     gaps: str = "refuse",
+    crs: Crs | None = None,
 ) -> RasterData:
     """The grid stored in a .npz, .npy, .csv, GeoTIFF or NetCDF file, with its coordinates in the file's own units.
 
@@ -52,7 +56,8 @@ def load_raster(
     coordinates; a picture whose first row is the top has y0 > y1. Without it the units are pixel indices.
     A CSV is x,y,value rows if it has a header, or three columns and at least four lines; otherwise a matrix.
     `gaps="nearest"` fills cells without a value (masked, no-data, NaN) from the nearest that has one and tells which in
-    `RasterData.missing`; "refuse" wants none. GeoTIFF and NetCDF need the extra `maipp[geo]`.
+    `RasterData.missing`; "refuse" wants none. `crs` says what the coordinates are, in place of what the file says.
+    GeoTIFF and NetCDF need the extra `maipp[geo]`.
     Raises InputError (one line naming the file and the problem) for anything that is not such a grid.
     """
     path = Path(path)
@@ -70,10 +75,12 @@ def load_raster(
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty")
         if suffix in (".tif", ".tiff"):
-            return read_geotiff(path, value, extent, fill)
-        if suffix in (".nc", ".nc4", ".cdf"):
-            return read_netcdf(path, value, extent, at or {}, fill)
-        return {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}[suffix](path, value, extent, fill)
+            data = read_geotiff(path, value, extent, fill, crs)
+        elif suffix in (".nc", ".nc4", ".cdf"):
+            data = read_netcdf(path, value, extent, at or {}, fill, crs)
+        else:
+            data = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}[suffix](path, value, extent, fill)
+        return data if crs is None else dataclasses.replace(data, crs=crs)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
@@ -138,18 +145,19 @@ def _read_npy(path: Path, value: str | None, extent: Sequence[float] | None, fil
 
 
 def _read_csv(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:
-    header, table, lines = parse_csv(path)
-    if header is None and not (table.shape[1] == 3 and len(table) >= 4):
+    table = read_table(path)
+    header, width = table.header, len(table.rows[0])
+    if header is None and not (width == 3 and len(table.rows) >= 4):
         _refuse_value(path, value)
-        return without_coordinates(path, table, extent, fill)
+        return without_coordinates(path, table.numbers(range(width)), extent, fill)
     refuse_extent(path, extent)
     if header is None:
         _refuse_value(path, value)
         columns, names = (0, 1, 2), (None, None, None)
     else:
         columns = csv_columns(path, header, value)
-        names = tuple(header[i] for i in columns)
-    return grid_from_rows(path, table[:, columns], lines, names, fill)
+        names = header[columns[0]], header[columns[1]], header[columns[2]]
+    return grid_from_rows(path, table.numbers(columns), table.lines, names, fill)
 
 
 def _refuse_value(path: Path, value: str | None) -> None:

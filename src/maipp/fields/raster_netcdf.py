@@ -10,20 +10,24 @@ from maipp.errors import InputError
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in
 from maipp.fields.raster_geotiff import MOST_CELLS
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
+from maipp.geo import WGS84, Crs, read_crs
+from maipp.geo.crs import load_pyproj
 
 # CF conventions, sections 4.1, 4.2 and 5: what tells an axis where its name does not.
 _STANDARD = {"x": ("longitude", "projection_x_coordinate"), "y": ("latitude", "projection_y_coordinate")}
 _NAMES = {"x": X_NAMES, "y": Y_NAMES}
+_LENGTHS = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "km": 1000.0}
 _DEGREES = {"x": ("degrees_east", "degree_east", "degrees_e"), "y": ("degrees_north", "degree_north", "degrees_n")}
 
 
 def read_netcdf(
-    path: Path, value: str | None, extent: Sequence[float] | None, at: Mapping[str, int], fill: bool
+    path: Path, value: str | None, extent: Sequence[float] | None, at: Mapping[str, int], fill: bool, own: Crs | None
 ) -> RasterData:
     """One variable of a NetCDF file as a grid; dimensions of length 1 are dropped, `at` chooses along longer ones.
 
-    Longitudes beyond 180 degrees become negative ones where the grid lies there, or goes around the Earth. Raises
-    InputError where xarray is missing, for curvilinear grids, for dimensions left to choose, and for damaged files.
+    Longitudes beyond 180 degrees become negative ones where the grid lies there, or goes around the Earth. `own` stands
+    in place of the file's reference system. Raises InputError where xarray is missing, for curvilinear grids, for
+    dimensions left to choose, and for damaged files.
     """
     try:
         import xarray
@@ -32,7 +36,7 @@ def read_netcdf(
     try:
         # Times are only counted here, and some have units that do not decode.
         with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, decode_coords="all") as file:
-            return _read(path, file, value, extent, at, fill)
+            return _read(path, file, value, extent, at, fill, own)
     except InputError:
         raise
     except ImportError:  # xarray is there, what reads NetCDF 4 for it is not
@@ -43,7 +47,13 @@ def read_netcdf(
 
 
 def _read(
-    path: Path, file: Any, value: str | None, extent: Sequence[float] | None, at: Mapping[str, int], fill: bool
+    path: Path,
+    file: Any,
+    value: str | None,
+    extent: Sequence[float] | None,
+    at: Mapping[str, int],
+    fill: bool,
+    own: Crs | None,
 ) -> RasterData:
     candidates = [str(name) for name, v in file.data_vars.items() if v.ndim >= 2 and v.dtype.kind in "biuf"]
     chosen = choose(candidates, value, f"{path}: ", "variable of two or more dimensions")
@@ -71,7 +81,10 @@ def _read(
     if geographic:
         x, values = _west_negative(x, values)
     missing = gaps_in(values) if fill else None
-    crs = _crs(file, variable) or ("EPSG:4326" if geographic else None)
+    unit = _unit(file, axes)
+    crs = own or _crs(path, file, variable) or (WGS84 if geographic else Crs(metres=unit))
+    if unit is not None and crs.metres is not None and unit != crs.metres:  # kilometres of a system that has metres
+        x, y = x * (unit / crs.metres), y * (unit / crs.metres)
     return RasterData(values, x, y, str(path), str(axes["x"]), str(axes["y"]), chosen, crs, missing)
 
 
@@ -132,21 +145,23 @@ def _west_negative(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
     return x, values[:, first]
 
 
-def _crs(file: Any, variable: Any) -> str | None:
+def _crs(path: Path, file: Any, variable: Any) -> Crs | None:
     """The coordinate reference system that the variable's grid mapping describes."""
     name = variable.encoding.get("grid_mapping") or variable.attrs.get("grid_mapping")
     if not isinstance(name, str) or name not in file.variables:
         return None
     attributes = dict(file[name].attrs)
     wkt = attributes.get("crs_wkt") or attributes.get("spatial_ref")
+    if wkt:
+        return read_crs(str(wkt), str(path))
+    pyproj = load_pyproj(f"{path}: the grid mapping '{name}'")
     try:
-        from pyproj import CRS
-        from pyproj.exceptions import CRSError
-    except ImportError:
-        return str(wkt) if wkt else None
-    try:
-        crs = CRS.from_user_input(str(wkt)) if wkt else CRS.from_cf(attributes)
-    except (CRSError, KeyError):
+        return read_crs(pyproj.CRS.from_cf(attributes).to_wkt(), str(path))
+    except (pyproj.exceptions.CRSError, KeyError):
         return None
-    epsg = crs.to_epsg()
-    return f"EPSG:{epsg}" if epsg is not None else crs.to_wkt()
+
+
+def _unit(file: Any, axes: Mapping[str, Any]) -> float | None:
+    """Metres in a unit of the coordinates, where their attributes tell."""
+    units = {_LENGTHS.get(str(file[axis].attrs.get("units", "")).lower()) for axis in axes.values()}
+    return units.pop() if len(units) == 1 else None

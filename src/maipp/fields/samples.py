@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from maipp.errors import InputError
-from maipp.fields.csv_table import CsvTable, read_table
+from maipp.fields.csv_table import CsvTable, missing, read_table
 from maipp.fields.raster_data import X_NAMES, Y_NAMES
 
 _X = (*X_NAMES, "long", "lng", "east")
@@ -36,9 +36,6 @@ _UNITS |= {"east", "n", "e"}
 # Columns that number or date the lines: never taken for the value unless named.
 _NO_VALUES = {"id", "fid", "no", "nr", "number", "index", "point", "station", "sample", "line"}
 _NO_VALUES |= {"time", "date", "datetime", "timestamp", "t", "year", "month", "day", "hour", "minute", "second", "utc"}
-
-_MISSING = {"", "-", "--", "na", "n/a", "nan", "null", "none", "nil", "missing"}
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +83,7 @@ def load_samples(path: str | Path, *, value: str | None = None, x: str | None = 
     table = _without_units_line(table, (ix, iy))
     columns = (ix, iy, _value(table, header, (ix, iy), value))
     names = (header[columns[0]], header[columns[1]], header[columns[2]])
-    numbers = np.array([[_cell(table, line, column) for column in columns] for line in range(len(table.rows))])
+    numbers = table.numbers(columns)
     kept = np.asarray(np.isfinite(numbers).all(axis=1))
     if not kept.any():
         raise InputError(f"{path}: no line has a position and a value ({len(kept)} lines read)")
@@ -150,8 +147,8 @@ def _value(table: CsvTable, header: Sequence[str], taken: tuple[int, int], named
 def _is_numeric(table: CsvTable, column: int) -> bool:
     """Whether the column has a number and nothing else but missing values."""
     cells = [row[column] for row in table.rows]
-    present = [cell for cell in cells if cell.lower() not in _MISSING]
-    return bool(present) and all(_number(cell, table.decimal_comma) is not None for cell in present)
+    present = [cell for cell in cells if not missing(cell)]
+    return bool(present) and all(table.number(cell) is not None for cell in present)
 
 
 def _without_units_line(table: CsvTable, position: tuple[int, int]) -> CsvTable:
@@ -159,32 +156,14 @@ def _without_units_line(table: CsvTable, position: tuple[int, int]) -> CsvTable:
     if table.header is None or len(table.rows) < 2:
         return table
     cells = [table.rows[0][i] for i in position]
-    if any(_number(cell, table.decimal_comma) is not None or cell.lower() in _MISSING for cell in cells):
+    if any(table.number(cell) is not None or missing(cell) for cell in cells):
         return table
-    if any(_number(cell, table.decimal_comma) is not None for cell in table.rows[0]):
+    if any(table.number(cell) is not None for cell in table.rows[0]):
         return table
     below = [table.rows[1][i] for i in position]
-    if any(_number(cell, table.decimal_comma) is None for cell in below):
+    if any(table.number(cell) is None for cell in below):
         return table
     return table._replace(rows=table.rows[1:], lines=table.lines[1:])
-
-
-def _cell(table: CsvTable, line: int, column: int) -> float:
-    """The number in a cell, NaN where it is missing."""
-    cell = table.rows[line][column]
-    if cell.lower() in _MISSING:
-        return float("nan")
-    number = _number(cell, table.decimal_comma)
-    if number is None:
-        shown = cell if len(cell) <= 40 else cell[:37] + "..."
-        raise InputError(f"{table.path}, line {table.lines[line]}, column {column + 1}: {shown!r} is not a number")
-    return number
-
-
-def _number(cell: str, decimal_comma: bool) -> float | None:
-    if decimal_comma and cell.count(",") == 1 and "." not in cell:
-        cell = cell.replace(",", ".")
-    return float(cell) if _NUMBER.fullmatch(cell) else None
 
 
 def _check_degrees(samples: Samples, lines: Sequence[int]) -> None:

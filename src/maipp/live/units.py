@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.surveys.frame import Frame
+from maipp.geo import GeoReference
 from maipp.typing import Float
 
 Pair = tuple[float, float]
@@ -26,7 +26,7 @@ class Units:
     """
 
     extent: Pair
-    frame: Frame | None = None
+    frame: GeoReference | None = None
     epoch: float = 0.0  # the caller's time of the survey's start, s
     seconds_per_time: float = 1.0  # seconds in the scenario's unit of time
 
@@ -108,7 +108,7 @@ class Units:
 
     @property
     def _scale(self) -> float:
-        return 1.0 if self.frame is None else self.frame.metres_per_unit
+        return 1.0 if self.frame is None else self.frame.scale
 
 
 def _short(number: np.floating | float) -> float:

@@ -45,7 +45,7 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
         states = jax.block_until_ready(run_missions(planner, missions, key))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
     episode = Episode.from_state(
-        prepared.scenario, prepared.planner, options, seed, missions, states, mapping=prepared.frame.mapping
+        prepared.scenario, prepared.planner, options, seed, missions, states, reference=prepared.frame
     )
     return Expected(episode, told)
 

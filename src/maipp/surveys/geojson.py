@@ -10,6 +10,7 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from maipp.errors import InputError
+from maipp.geo import WGS84, Crs, check_degrees, read_crs, unwrap
 from maipp.scenario_checks import show
 from maipp.typing import Float
 
@@ -22,10 +23,14 @@ class Rings(NamedTuple):
 
     where: str
     rings: list[Any]  # lists of positions
+    crs: Crs | None = None  # what the positions are; None: what the mission says
 
 
-def load_geojson(path: Path) -> list[Rings]:
-    """The polygons in a GeoJSON file. Raises `InputError` naming the file, and in it the place of what is wrong."""
+def load_geojson(path: Path, otherwise: Crs | None = WGS84) -> list[Rings]:
+    """The polygons in a GeoJSON file; without a `crs` of its own its positions are in `otherwise`.
+
+    Raises `InputError` naming the file, and in it the place of what is wrong.
+    """
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -36,18 +41,34 @@ def load_geojson(path: Path) -> list[Rings]:
         raise InputError(f"{path}:{error.lineno}: not JSON, or cut short: {error.msg}; give a GeoJSON file") from None
     except (RecursionError, ValueError):  # a number of 5000 digits is a ValueError
         raise InputError(f"{path}: nested too deeply, or a number too long; give a GeoJSON file") from None
-    return polygons_in(content, str(path))
+    return polygons_in(content, str(path), otherwise)
 
 
-def polygons_in(content: object, where: str) -> list[Rings]:
-    """The polygons of a GeoJSON object, at least one. Points and lines beside them are an error, not ignored."""
+def polygons_in(content: object, where: str, otherwise: Crs | None = None) -> list[Rings]:
+    """The polygons of a GeoJSON object, at least one. Points and lines beside them are an error, not ignored.
+
+    A `crs` as GeoJSON had it before RFC 7946 says what the positions are, in place of `otherwise`.
+    """
+    crs = _crs(content, where) or otherwise
     try:
-        found = list(_polygons(content, where))
+        found = [rings._replace(crs=crs) for rings in _polygons(content, where)]
     except RecursionError:
         raise InputError(f"{where}: nested too deeply; give {_SHAPES}") from None
     if not found:
         raise InputError(f"{where}: holds no polygon; give {_SHAPES}")
     return found
+
+
+def _crs(content: object, where: str) -> Crs | None:
+    """The reference system that the object names; None where it names none."""
+    member = content.get("crs") if isinstance(content, dict) else None
+    if member is None:
+        return None
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if not isinstance(name, str):
+        _wrong(f"{where}: crs", f"{show(member)} names no reference system; convert the file to WGS84 and leave it out")
+    return read_crs(name, f"{where}: crs")
 
 
 def _polygons(content: object, where: str) -> Iterator[Rings]:
@@ -80,19 +101,18 @@ def _list(content: dict[str, Any], key: str, where: str) -> list[Any]:
     return value if isinstance(value, list) else _wrong(where, f"has no list {key!r}; give {_SHAPES}")
 
 
-def to_polygon(written: Rings, *, geographic: bool, reference: float | None = None) -> Polygon:
-    """The polygon, its vertices (x, y) or (longitude, latitude), checked.
+def to_polygon(written: Rings, crs: Crs) -> Polygon:
+    """The polygon, its vertices (x, y) or (longitude, latitude) in this system, checked.
 
-    Longitudes come out within 180 degrees of `reference` (left out: of its first vertex), so that an area across the
-    180th meridian is one piece. Raises `InputError` for positions that are none, outside the range of degrees, too few,
-    on one line, and for rings that cross themselves, with the place.
+    Longitudes come out within 180 degrees of its first vertex, so that an area across the 180th meridian is one piece.
+    Raises `InputError` for positions that are none, outside the range of degrees, too few, on one line, and for rings
+    that cross themselves, with the place.
     """
     if not written.rings:
         _wrong(written.where, "has no ring; give a list of rings, each a list of positions")
-    arrays = [_ring(ring, _named(written, index), geographic) for index, ring in enumerate(written.rings)]
-    if geographic:
-        reference = float(arrays[0][0, 0]) if reference is None else reference
-        arrays = [unwrap(ring, reference) for ring in arrays]
+    arrays = [_ring(ring, _named(written, index), crs) for index, ring in enumerate(written.rings)]
+    if crs == WGS84:
+        arrays = [unwrap(ring, float(arrays[0][0, 0])) for ring in arrays]
     polygon = Polygon(arrays[0], arrays[1:])
     if not polygon.is_valid:
         reason, _, place = explain_validity(polygon).partition("[")
@@ -105,28 +125,7 @@ def to_polygon(written: Rings, *, geographic: bool, reference: float | None = No
     return polygon
 
 
-def unwrap(points: Float[np.ndarray, "*n 2"], reference: float) -> Float[np.ndarray, "*n 2"]:
-    """The (longitude, latitude) points with longitudes within 180 degrees of the reference."""
-    points = np.array(points, np.float64)
-    points[..., 0] += 360.0 * np.round((reference - points[..., 0]) / 360.0)
-    return points
-
-
-def check_degrees(points: Float[np.ndarray, "n 2"], where: str) -> None:
-    """Raise `InputError` for positions that cannot be (longitude, latitude), with the likely reason."""
-    longitude, latitude = points[:, 0], points[:, 1]
-    bad = np.flatnonzero((np.abs(latitude) > 90) | (longitude < -180) | (longitude > 360))
-    if not len(bad):
-        return
-    x, y = points[bad[0]].tolist()
-    if abs(x) <= 90 and abs(y) <= 360 and (np.abs(longitude) <= 90).all():
-        hint = "positions are [longitude, latitude]: are they swapped?"
-    else:
-        hint = "give degrees as [longitude, latitude], or set `metres: true` for metric coordinates"
-    _wrong(where, f"({x:.10g}, {y:.10g}) is no longitude and latitude; {hint}")
-
-
-def _ring(ring: object, where: str, geographic: bool) -> Float[np.ndarray, "v 2"]:
+def _ring(ring: object, where: str, crs: Crs) -> Float[np.ndarray, "v 2"]:
     if not isinstance(ring, list) or not ring:
         _wrong(where, f"{show(ring)} is not a ring; give a list of positions")
     if len(ring) > _MOST_VERTICES:
@@ -134,12 +133,12 @@ def _ring(ring: object, where: str, geographic: bool) -> Float[np.ndarray, "v 2"
     for index, position in enumerate(ring):
         right = isinstance(position, list) and 2 <= len(position) <= 4
         if not right or not all(isinstance(c, int | float) and not isinstance(c, bool) for c in position):
-            axes = "[longitude, latitude]" if geographic else "[x, y]"
+            axes = "[longitude, latitude]" if crs.geographic else "[x, y]"
             _wrong(where, f"position {index} is {show(position)}; give {axes}")
         if not all(abs(c) < 1e15 for c in position):  # false for NaN as well
             _wrong(where, f"position {index} is {show(position)}; give finite numbers")
     points = np.array([position[:2] for position in ring], np.float64)
-    if geographic:
+    if crs == WGS84:
         check_degrees(points, where)
     distinct = len(np.unique(points, axis=0))
     if distinct < 3:

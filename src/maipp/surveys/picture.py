@@ -1,6 +1,5 @@
 """The planned survey in one picture: what is expected, and how uncertain it is before and after, with the routes."""
 
-import dataclasses
 import os
 
 import numpy as np
@@ -18,13 +17,12 @@ _GAP, _BAR_GAP, _BAR, _AFTER_BAR = 0.25, 0.1, 0.14, 1.0
 
 def draw_plan(prepared: PreparedSurvey, episode: Episode, dpi: int = 160) -> Figure:
     """Three maps in the user's coordinates and unit: expected values, uncertainty before the survey and after it."""
-    shown = dataclasses.replace(episode, mapping=prepared.frame.picture_mapping)
-    units = shown.units
+    there = episode.drawn
     # Before the first measurement, and after the last.
     belief = episode.beliefs(np.array([-1.0, np.inf]))
-    mean = units.values(belief.mean[1])
-    before, after = units.std(np.sqrt(np.maximum(belief.variance, 0.0)))
-    width, height = map_size(shown, area=9.0, longest=4.5)
+    mean = there.to_user_values(belief.mean[1])
+    before, after = there.to_user_std(np.sqrt(np.maximum(belief.variance, 0.0)))
+    width, height = map_size(episode, area=9.0, longest=4.5)
     lefts = [_LEFT, _LEFT + width + _BAR_GAP + _BAR + _AFTER_BAR]
     lefts.append(lefts[1] + width + _GAP)
     total = lefts[2] + width + _BAR_GAP + _BAR + _RIGHT
@@ -40,21 +38,21 @@ def draw_plan(prepared: PreparedSurvey, episode: Episode, dpi: int = 160) -> Fig
     )
     for index, (title, values, colours, limits) in enumerate(rows):
         axes = add_axes(figure, lefts[index], _BOTTOM, width, height)
-        image = draw_field(axes, shown, values, colours, limits)
-        prepare_map(axes, shown, title, y_label=index == 0)
+        image = draw_field(axes, episode, values, colours, limits)
+        prepare_map(axes, episode, title, y_label=index == 0)
         if index != 1:
-            draw_routes(axes, shown)
+            draw_routes(axes, episode)
         if index != 1:
             bar = add_axes(figure, lefts[index] + width + _BAR_GAP, _BOTTOM, _BAR, height)
             mark = prepared.survey.threshold if index == 0 else None
-            colour_bar(figure, bar, image, units.value if index == 0 else f"std of {units.value}", mark)
+            colour_bar(figure, bar, image, there.value_name if index == 0 else f"std of {there.value_name}", mark)
     left, inch = _LEFT / total, 1 / figure.get_size_inches()[1]
     count = sum(len(agent.measurement_y) for agent in episode.agents)
     figure.text(left, 1 - 0.18 * inch, prepared.survey.name, fontsize=LARGE, weight="bold", va="top")
     team = f"{len(prepared.names)} robot{'s' if len(prepared.names) > 1 else ''}"
     line = f"{episode.planner}, {team}, {count} measurements, as expected: measured values will change the routes"
     figure.text(left, 1 - 0.42 * inch, line, fontsize=MEDIUM, color=GREY, va="top")
-    entries = legend_of(shown)
+    entries = legend_of(episode)
     for entry, name in zip(entries, prepared.names, strict=False):
         entry.set_label(name)
     legend_below(figure, entries, left, inch)

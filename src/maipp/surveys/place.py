@@ -6,44 +6,48 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import Point
+from shapely.affinity import translate
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
+from maipp.geo import WGS84, Crs, GeoReference, check_degrees
 from maipp.surveys.area import Start, Told, as_region, check_size
-from maipp.surveys.frame import Frame
-from maipp.surveys.geojson import check_degrees, to_polygon, unwrap
-from maipp.surveys.raster_area import raster_polygons
+from maipp.surveys.geojson import Rings, to_polygon
+from maipp.surveys.raster_area import load_area, raster_polygons
 from maipp.surveys.survey import RasterArea, Survey
-
-# Edges of polygons in degrees are straight in degrees, not in metres: cut into pieces of this share of the area they
-# follow their curve to some 1e-5 of the area.
-_PIECES = 20
+from maipp.surveys.systems import PIECES, file_system, mission_system, polygon_to_user, to_user
 
 
 @dataclass(frozen=True)
 class Place:
     """Where a survey is, in local metres."""
 
-    frame: Frame  # values not yet standardised
+    frame: GeoReference  # values not yet standardised
     area: BaseGeometry
     no_go: BaseGeometry
+    crs: Crs  # of the positions in the mission file
     warnings: tuple[str, ...]
 
 
 def find_place(survey: Survey) -> Place:
     """The frame and the geometry of a survey. Raises `InputError` for areas and zones that cannot be used."""
     where = survey.where("area")
-    geographic = not survey.metres
     if isinstance(survey.area, RasterArea):
-        polygons = raster_polygons(survey.area, geographic=geographic)
+        data, source = load_area(survey.area), str(survey.area.raster)
+        own = mission_system(survey, data.crs)
+        crs = file_system(data.crs, own, source)
+        if crs == WGS84:
+            check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), source)
+        polygons = [polygon_to_user(part, crs, source) for part in raster_polygons(survey.area, data)]
     else:
-        polygons = [to_polygon(survey.area[0], geographic=geographic)]
-        reference = polygons[0].exterior.coords[0][0]
-        polygons += [to_polygon(rings, geographic=geographic, reference=reference) for rings in survey.area[1:]]
+        own = mission_system(survey, survey.area[0].crs)
+        polygons = [_polygon(rings, own) for rings in survey.area]
+    geographic, centre = own.located, None
     reference = float(polygons[0].exterior.coords[0][0])
+    if geographic:
+        polygons = [_near(polygon, reference) for polygon in polygons]
     west, south, east, north = shapely.total_bounds(np.array(polygons, object)).tolist()
-    centre = (0.0, 0.0)
     if geographic:
         if east - west > 180 or max(-south, north) > 89:
             raise InputError(
@@ -51,59 +55,74 @@ def find_place(survey: Survey) -> Place:
                 "one local projection; give a smaller area, or metric coordinates with `metres: true`"
             )
         centre = ((west + east) / 2, (south + north) / 2)
-    frame = Frame(
-        geographic, centre, (0.0, 0.0), (1.0, 1.0), below=survey.below, quantity=survey.quantity, unit=survey.unit
-    )
     longest = max(east - west, north - south)
-    piece = longest / _PIECES
+    piece = longest / PIECES
     # What of a zone lies far from the area is cut off, before a zone across an ocean is cut into small pieces.
     near = shapely.box(west - longest, south - longest, east + longest, north + longest)
-    area = as_region([_to_metres(frame, polygon, piece) for polygon in polygons])
+    unplaced = GeoReference.of_area((0.0, 0.0, 1.0, 1.0), centre)
+    area = as_region([_to_metres(unplaced, polygon, piece) for polygon in polygons])
     check_size(area.bounds, where)
-    x0, y0, x1, y1 = area.bounds
-    frame = dataclasses.replace(frame, origin=(x0, y0), size=(x1 - x0, y1 - y0))
+    frame = dataclasses.replace(GeoReference.of_area(area.bounds, centre), value_name=_named(survey))
     zones, warnings = [], []
     for zone in survey.no_go:
-        parts = [to_polygon(rings, geographic=geographic, reference=reference) for rings in zone]
+        parts = [_polygon(rings, own) for rings in zone]
+        if geographic:
+            parts = [_near(polygon, reference) for polygon in parts]
         region = as_region([_to_metres(frame, shapely.intersection(polygon, near), piece) for polygon in parts])
         if not region.intersects(area):
             warnings.append(f"{zone[0].where}: this no-go zone lies outside the area and changes nothing")
         zones.append(region)
-    return Place(frame, area, as_region(zones), tuple(warnings))
+    return Place(frame, area, as_region(zones), own, tuple(warnings))
 
 
-def starts_of(survey: Survey, frame: Frame) -> list[Start]:
-    """The starts of the robots, local metres. Raises `InputError` for what is no longitude and latitude."""
+def starts_of(survey: Survey, place: Place) -> list[Start]:
+    """The starts of the robots, local metres. Raises `InputError` for what is no place in the mission's system."""
     starts = []
     for robot in survey.robots:
-        if frame.geographic:
-            check_degrees(np.array([robot.start]), robot.where)
-        x, y = frame.to_metres(np.array(robot.start)).tolist()
+        x, y = place.frame.to_plane(to_user(np.array(robot.start), place.crs, robot.where)).tolist()
         starts.append(Start((x, y), robot.where, robot.name))
     return starts
+
+
+def _polygon(written: Rings, own: Crs) -> Polygon:
+    """A polygon as written, in the user's coordinates."""
+    crs = file_system(written.crs, own, written.where)
+    return polygon_to_user(to_polygon(written, crs), crs, written.where)
+
+
+def _near(polygon: Polygon, reference: float) -> Polygon:
+    """The polygon with all its longitudes moved by full turns to where the reference is."""
+    west, _, east, _ = polygon.bounds
+    turns = round((reference - (west + east) / 2) / 360.0)
+    return translate(polygon, 360.0 * turns) if turns else polygon
+
+
+def _named(survey: Survey) -> str:
+    """The quantity with its unit behind it."""
+    name = survey.quantity or "value"
+    return f"{name} ({survey.unit})" if survey.unit else name
 
 
 class PlaceNames(Told):
     """Places told in the user's coordinates."""
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: GeoReference) -> None:
         self.frame = frame
 
     def place(self, point: Point) -> str:
-        x, y = self.frame.from_metres(np.array([point.x, point.y])).tolist()
+        x, y = self.frame.from_plane(np.array([point.x, point.y])).tolist()
         return f"({x:.6f}, {y:.6f})" if self.frame.geographic else f"({x:.1f}, {y:.1f})"
 
     def swapped(self, start: Start) -> BaseGeometry | None:
-        x, y = self.frame.from_metres(np.array(start.place)).tolist()
+        x, y = self.frame.from_plane(np.array(start.place)).tolist()
         if self.frame.geographic and abs(x) > 90:
             return None
-        return Point(self.frame.to_metres(np.array([y, x])))
+        return Point(self.frame.to_plane(np.array([y, x])))
 
 
-def _to_metres(frame: Frame, region: BaseGeometry, piece: float) -> BaseGeometry:
+def _to_metres(frame: GeoReference, region: BaseGeometry, piece: float) -> BaseGeometry:
     """The polygons of a region in local metres."""
     if not frame.geographic:
         return region
-    dense = shapely.segmentize(region, piece)
-    projected: Any = shapely.transform(dense, lambda points: frame.to_metres(unwrap(points, frame.centre[0])))
+    projected: Any = shapely.transform(shapely.segmentize(region, piece), frame.to_plane)
     return projected if projected.is_valid else shapely.make_valid(projected)

@@ -1,6 +1,5 @@
 """What is known before the survey: old samples and the kernel, fitted to them, given, or assumed."""
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -9,10 +8,12 @@ import numpy as np
 import shapely
 
 from maipp.errors import InputError
+from maipp.fields.samples import Samples, load_samples
+from maipp.geo import WGS84, Crs, GeoReference
 from maipp.surveys.area import FreeSpace
-from maipp.surveys.frame import Frame
 from maipp.surveys.place import Place
-from maipp.surveys.survey import Survey
+from maipp.surveys.survey import SampleFile, Survey
+from maipp.surveys.systems import file_system, to_user
 from maipp.typing import Float
 
 # Standardised noise variance where nobody says how well the robots measure: 5 % of the prior standard deviation.
@@ -30,7 +31,7 @@ MOST_SAMPLES = 400
 class Prior:
     """The Gaussian-process prior in the scenario's terms, and the samples that it is conditioned on."""
 
-    frame: Frame  # with the values standardised
+    frame: GeoReference  # with the values standardised
     length_scale: float  # domain units
     noise: float  # standardised variance
     x: Float[np.ndarray, "p 2"]  # old samples, domain units
@@ -59,13 +60,13 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
         warnings.append(
             f"{' and '.join(assumed)} assumed for want of samples: give old measurements (samples) or a kernel"
         )
-    frame = dataclasses.replace(frame, mean=mean, std=std)
-    scale = metres / frame.metres_per_unit
+    frame = frame.standardised(mean, std, below=survey.below)
+    scale = metres / frame.scale
     if not _SCALES[0] <= scale <= _SCALES[1]:
         clipped = min(max(scale, _SCALES[0]), _SCALES[1])
         warnings.append(
-            f"the length scale of {metres:.4g} m does not fit an area {frame.metres_per_unit:.4g} m long; "
-            f"planned with {clipped * frame.metres_per_unit:.4g} m"
+            f"the length scale of {metres:.4g} m does not fit an area {frame.scale:.4g} m long; "
+            f"planned with {clipped * frame.scale:.4g} m"
         )
         scale = clipped
     if survey.noise is not None:
@@ -75,12 +76,11 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
     else:
         noise = _ASSUMED_NOISE
     sample_noise = noise if fit is None else fit.noise_variance / std**2
-    domain = (x - frame.origin) / frame.metres_per_unit
     return Prior(
         frame=frame,
         length_scale=scale,
         noise=_bounded(noise),
-        x=domain,
+        x=frame.plane_to_domain(x),
         y=np.asarray(frame.to_domain_values(values)),
         sample_noise=_bounded(sample_noise),
         fit=fit,
@@ -125,34 +125,33 @@ def _samples(
     survey: Survey, place: Place, warnings: list[str]
 ) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
     """The samples in and near the area: local metres and values in the unit."""
-    from maipp.fields.samples import load_samples
-    from maipp.surveys.geojson import check_degrees
-
     assert survey.samples is not None
     path = survey.samples.path
     samples = load_samples(path, **survey.samples.columns)
-    user = np.stack([np.asarray(samples.x, np.float64), np.asarray(samples.y, np.float64)], axis=-1)
     values = np.asarray(samples.value, np.float64)
     if samples.dropped:
         warnings.append(f"{path.name}: {samples.dropped} lines without a position or a value left out")
-    frame = place.frame
-    if frame.geographic:
-        check_degrees(user, str(path))
-    metres = frame.to_metres(user)
+    crs = file_system(_system(survey.samples, samples, place.crs), place.crs, str(path))
+    metres = place.frame.to_plane(to_user(samples.points, crs, str(path)))
     distance = shapely.distance(place.area, shapely.points(metres))
     inside = int((distance <= 0).sum())
     if not inside:
-        hint = "are its columns swapped, or its coordinates of another kind than the area's?"
-        raise InputError(f"{path}: none of its {len(user)} samples lies in the area; {hint}")
+        hint = "are its columns swapped, or its coordinates of another kind than the mission's (give samples.crs)?"
+        raise InputError(f"{path}: none of its {len(values)} samples lies in the area; {hint}")
     near = np.asarray(distance <= _reach(place))
     if not near.all():
         warnings.append(f"{path.name}: {int((~near).sum())} of {len(near)} samples lie far from the area; left out")
     return metres[near], values[near]
 
 
+def _system(file: SampleFile, samples: Samples, own: Crs) -> Crs | None:
+    """What the file's positions are; None where neither the mission nor the columns' names say."""
+    return file.crs or (WGS84 if samples.geographic and not own.geographic else None)
+
+
 def _reach(place: Place) -> float:
     """How far from the area a sample still tells something of it, metres: half its longest side."""
-    return place.frame.metres_per_unit / 2
+    return place.frame.scale / 2
 
 
 def _fit(survey: Survey, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"], mean: float | None) -> Any:

@@ -9,21 +9,21 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
-from maipp.fields.raster import load_raster
-from maipp.surveys.geojson import check_degrees
+from maipp.fields.raster import RasterData, load_raster
 from maipp.surveys.survey import RasterArea
 
 
-def raster_polygons(source: RasterArea, *, geographic: bool) -> list[Polygon]:
+def load_area(source: RasterArea) -> RasterData:
+    """The map of an area. Raises `InputError` where it cannot be read."""
+    return load_raster(source.raster, value=source.value, gaps="nearest", crs=source.crs)
+
+
+def raster_polygons(source: RasterArea, data: RasterData) -> list[Polygon]:
     """The polygons between the level's contour lines, in the raster's coordinates, holes (islands) included.
 
     Between grid points the map is taken as linear; squares with a corner that holds no value are left out. Longitudes
-    may be 0 to 360. Raises `InputError` where the raster
-    cannot be read, is not in degrees though it should be, or has no cell on the asked side.
+    may be 0 to 360. Raises `InputError` where the raster has no cell on the asked side.
     """
-    data = load_raster(source.raster, value=source.value, gaps="nearest")
-    if geographic:
-        check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), str(source.raster))
     values = data.values if source.below else -data.values
     if source.level is None:
         values, level = np.zeros_like(values), 1.0

@@ -9,25 +9,30 @@ from scipy.interpolate import RegularGridInterpolator
 
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
-from maipp.surveys.geojson import check_degrees
+from maipp.geo import WGS84, Crs, check_degrees, transform
 from maipp.surveys.standardise import PreparedSurvey
+from maipp.surveys.systems import file_system
 
 _POINTS = 256  # along the longest side of the domain; finer maps are read at these points
 _LEAST_COVERED = 0.95  # share of the free area that the map must cover
 
 
-def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None) -> Raster:
+def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None, crs: Crs | None = None) -> Raster:
     """The map resampled to the domain, its values standardised; where the map has no value its nearest one stands.
 
+    `crs` is of its coordinates, in place of what the file says; a file that says nothing is in the mission's system.
     Raises `InputError` for a map that cannot be read, or that does not cover the area.
     """
-    data, frame = load_raster(path, value=value, gaps="nearest"), prepared.frame
-    width, height = frame.extent
+    data, frame = load_raster(path, value=value, gaps="nearest", crs=crs), prepared.frame
+    own = file_system(data.crs, prepared.crs, str(path))
+    width, height = frame.domain
     x = np.linspace(0.0, width, max(int(_POINTS * width), 2))
     y = np.linspace(0.0, height, max(int(_POINTS * height), 2))
     domain = np.stack(np.meshgrid(x, y), axis=-1)
     user = frame.to_user(domain)
-    if frame.geographic:
+    if own.located:
+        user = transform(user, WGS84, own, str(path))
+    if own == WGS84:
         check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), str(path))
         middle = (data.x[0] + data.x[-1]) / 2
         user[..., 0] += 360.0 * np.round((middle - user[..., 0]) / 360.0)
@@ -37,7 +42,7 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None)
     covered = np.asarray(np.all((user >= low - half) & (user <= high + half), axis=-1))
     at = np.clip(user, low, high)
     covered &= data.known(at.reshape(-1, 2)).reshape(covered.shape)
-    metres = domain * frame.metres_per_unit + frame.origin
+    metres = frame.domain_to_plane(domain)
     inside = np.asarray(shapely.intersects_xy(prepared.region, metres[..., 0], metres[..., 1]))
     share = float(covered[inside].mean()) if inside.any() else float(covered.mean())
     if share < _LEAST_COVERED:
@@ -47,4 +52,4 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None)
         )
     read = RegularGridInterpolator((data.y, data.x), data.values)
     values = frame.to_domain_values(read(at[..., ::-1]))
-    return Raster(jnp.asarray(values), jnp.asarray(x), jnp.asarray(y), frame.mapping)
+    return Raster(jnp.asarray(values), jnp.asarray(x), jnp.asarray(y), frame)

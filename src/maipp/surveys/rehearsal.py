@@ -104,7 +104,7 @@ def rehearse(
     ready = [(name, count, prepare(with_robots(survey, count), planner=name)) for name in planners for count in counts]
     built = [prepared.make_planner() for _, _, prepared in ready]  # before any work
     first = ready[0][2]
-    field = None if rehearsal.raster is None else raster_field(first, rehearsal.raster, rehearsal.value)
+    field = None if rehearsal.raster is None else raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs)
     fields = _drawn(first, rehearsal.fields, seed) if field is None else None
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     teams = []
@@ -190,4 +190,4 @@ def _in_units(prepared: PreparedSurvey, planner: str, count: int, outcome: Any) 
         for key in shares:
             values[key] = np.full_like(values[key], np.nan)
     minutes = longest * prepared.seconds_per_time / 60.0
-    return RehearsedTeam(planner, count, distance=distance * frame.metres_per_unit, minutes=minutes, **values)
+    return RehearsedTeam(planner, count, distance=distance * frame.scale, minutes=minutes, **values)

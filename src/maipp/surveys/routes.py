@@ -7,8 +7,8 @@ import shapely
 
 from maipp.engine.episode import AgentRecord, Episode
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.missions.route_plan import Route, RoutePlan
-from maipp.surveys.frame import Frame
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
@@ -71,14 +71,12 @@ def vertices(prepared: PreparedSurvey, agent: AgentRecord) -> tuple[Float[np.nda
     return frame.to_user(route), times
 
 
-def _pieces(frame: Frame, start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"], most: float) -> int:
+def _pieces(frame: GeoReference, start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"], most: float) -> int:
     """Into how many pieces to cut a leg so that no piece's line in degrees is more than `most` metres beside it."""
     ends = frame.to_user(np.stack([start, end]))
     if abs(ends[0, 0] - ends[1, 0]) > 180:
         return 1
-    beside = frame.to_metres(ends.mean(axis=0)) - (
-        np.stack([start, end]).mean(axis=0) * frame.metres_per_unit + frame.origin
-    )
+    beside = frame.to_plane(ends.mean(axis=0)) - frame.domain_to_plane(np.stack([start, end]).mean(axis=0))
     # The deviation falls with the square of the length.
     return max(1, math.ceil(math.sqrt(float(np.linalg.norm(beside)) / max(most, 1e-3))))
 
@@ -86,11 +84,11 @@ def _pieces(frame: Frame, start: Float[np.ndarray, "2"], end: Float[np.ndarray, 
 def check_routes(prepared: PreparedSurvey, episode: Episode) -> None:
     """Raise `InputError` where a leg comes nearer to what it must keep out of than the margin allows."""
     frame = prepared.frame
-    slack = max(prepared.margin / 2, 1e-5 * frame.metres_per_unit)
+    slack = max(prepared.margin / 2, 1e-5 * frame.scale)
     allowed = shapely.buffer(prepared.region, slack)
     shapely.prepare(allowed)
     for name, agent in zip(prepared.names, episode.agents, strict=True):
-        places = agent.route.astype(np.float64) * frame.metres_per_unit + frame.origin
+        places = frame.domain_to_plane(agent.route)
         if len(places) > 1 and not shapely.covers(allowed, shapely.linestrings(places)):
             where = prepared.survey.where("planner")
             raise InputError(f"{where}: {prepared.planner} led {name} out of the area; give another planner")

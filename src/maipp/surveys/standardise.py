@@ -10,11 +10,10 @@ import shapely
 from shapely.geometry import Polygon
 
 from maipp.errors import InputError
+from maipp.geo import Crs, GeoReference, unwrap, wrap
 from maipp.scenario import Scenario, ScenarioError
 from maipp.surveys.area import FreeSpace, free_space
 from maipp.surveys.complement import complement, without_holes
-from maipp.surveys.frame import Frame, wrap
-from maipp.surveys.geojson import unwrap
 from maipp.surveys.place import Place, PlaceNames, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
 from maipp.surveys.survey import Survey
@@ -33,7 +32,7 @@ _ENOUGH_POINTS = 150  # evaluation points that an area should hold; the paper's 
 _NODES, _NEIGHBOURS_PER_NODE = 200, 0.1  # the paper's
 _MOST_NODES = 400
 _MANY, _TOO_MANY = 400, 5000  # measurements of one robot: slow, and more than the simulation has room for
-_STRAIGHT = 1e-9  # user coordinates (degrees or metres): off a straight line by less is on it
+_STRAIGHT = 1e-7  # user coordinates: off a straight line by less (1 cm, as files are written) is on it
 _MOST_FENCE = 150  # vertices of the area's border in mission files; autopilots hold few
 
 
@@ -43,7 +42,8 @@ class PreparedSurvey:
 
     survey: Survey
     scenario: Scenario  # domain units, standardised values; the fastest robot has speed 1
-    frame: Frame
+    frame: GeoReference  # from WGS84 degrees, or metres of no known place, to the domain
+    crs: Crs  # of the positions in the mission file
     planner: str
     planner_options: Mapping[str, Any]
     names: tuple[str, ...]  # of the robots, in the order of the scenario's agents
@@ -81,7 +81,7 @@ def prepare(
     """
     place = find_place(survey)
     told = PlaceNames(place.frame)
-    starts = starts_of(survey, place.frame)
+    starts = starts_of(survey, place)
     space = free_space(place.area, place.no_go, starts, survey.clearance_m, survey.where("area"), told)
     prior = find_prior(survey, place, space)
     warnings = [*place.warnings, *space.warnings, *prior.warnings]
@@ -94,10 +94,11 @@ def prepare(
         survey=survey,
         scenario=scenario,
         frame=prior.frame,
+        crs=place.crs,
         planner=name,
         planner_options={**options, **(planner_options or {})},
         names=tuple(robot.name for robot in survey.robots),
-        seconds_per_time=prior.frame.metres_per_unit / max(robot.speed for robot in survey.robots),
+        seconds_per_time=prior.frame.scale / max(robot.speed for robot in survey.robots),
         prior_x=x,
         prior_y=y,
         fit=prior.fit,
@@ -127,11 +128,11 @@ def build_planner(survey: Survey, scenario: Scenario, name: str, options: Mappin
 def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str]) -> Scenario:
     """The scenario; adds to the warnings."""
     frame = prior.frame
-    scale = frame.metres_per_unit
-    width, height = frame.extent
-    free = shapely.transform(space.region, lambda points: (points - frame.origin) / scale)
+    scale = frame.scale
+    width, height = frame.domain
+    free = shapely.transform(space.region, frame.plane_to_domain)
     fastest = max(robot.speed for robot in survey.robots)
-    starts = (space.starts - frame.origin) / scale
+    starts = frame.plane_to_domain(space.starts)
     nodes = _nodes(space.region)
     values: dict[str, Any] = {
         "agents": len(survey.robots),
@@ -141,12 +142,12 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
         "comm_range": None if survey.communication_range_m is None else survey.communication_range_m / scale,
         "measurement_interval": survey.measurement_spacing_m / scale,
         "extent": [width, height],
-        "obstacles": [list(part.exterior.coords)[:-1] for part in complement(free, frame.extent)],
+        "obstacles": [list(part.exterior.coords)[:-1] for part in complement(free, frame.domain)],
         "length_scale": prior.length_scale,
         "noise": prior.noise,
         "nodes": nodes,
         "neighbours": round(_NEIGHBOURS_PER_NODE * nodes),
-        "grid": _grid(free, frame.extent),
+        "grid": _grid(free, frame.domain),
     }
     values |= _interest(survey, frame, warnings)
     _check_measurements(survey, warnings)
@@ -157,7 +158,7 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
         told = {"measurement_interval": "measurement_spacing_m", "comm_range": "communication_range_m"}
         named = f"scenario.{key}" if key in survey.scenario else told.get(key, "robots" if key == "budget" else key)
         raise InputError(f"{survey.where(named)}: {error.problem}") from None
-    if not _inside(free, scenario.grid, frame.extent).any():
+    if not _inside(free, scenario.grid, frame.domain).any():
         raise InputError(
             f"{survey.where('area')}: so narrow that no point of the evaluation grid lies in it; "
             "give scenario.grid above 60, or a smaller clearance_m"
@@ -165,7 +166,7 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
     return scenario
 
 
-def _interest(survey: Survey, frame: Frame, warnings: list[str]) -> dict[str, float]:
+def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[str, float]:
     """The threshold in standardised values, and the confidence that rules places out."""
     if survey.threshold is None:
         return {"threshold": _EVERYTHING, "beta": _PAPER_BETA}
@@ -238,9 +239,9 @@ def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], 
         border = Polygon(polygon.exterior)
         if len(polygon.exterior.coords) > _MOST_FENCE:
             border = border.simplify(tolerance)
-        points = place.frame.from_metres(shapely.get_coordinates(border))
+        points = place.frame.from_plane(shapely.get_coordinates(border))
         if place.frame.geographic:
-            points = unwrap(points, place.frame.centre[0])
+            points = unwrap(points, float(points[0, 0]))
         # Positions that only the projection needed lie on straight lines again.
         points = shapely.get_coordinates(Polygon(points).simplify(_STRAIGHT))[:-1]
         return wrap(points) if place.frame.geographic else points

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from maipp.geo import Crs
 from maipp.missions.vehicle import Vehicle
 from maipp.surveys.geojson import Rings
 
@@ -16,7 +17,7 @@ class Robot:
     """One robot of the team."""
 
     name: str
-    start: Pair  # user coordinates
+    start: Pair  # in the mission's coordinates
     budget_m: float  # longest path it may travel, metres
     speed: float  # metres per second
     where: str = "robots"  # file, line and key, for errors
@@ -31,6 +32,7 @@ class RasterArea:
     level: float | None  # None: wherever the map has values
     below: bool  # values below the level are in the area; else those above
     where: str
+    crs: Crs | None = None  # of its coordinates, in place of what the file says
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class SampleFile:
     path: Path
     columns: Mapping[str, str] = field(default_factory=dict)  # "x", "y", "value" -> name of the column
     where: str = "samples"
+    crs: Crs | None = None  # of its positions; None: degrees where the columns' names say so, else the mission's
 
 
 @dataclass(frozen=True)
@@ -58,17 +61,19 @@ class Rehearsal:
     raster: Path | None = None
     value: str | None = None
     fields: int = 30
+    crs: Crs | None = None  # of the raster's coordinates, in place of what the file says
 
 
 @dataclass(frozen=True)
 class Survey:
-    """One mission file. Coordinates are the user's, lengths metres, values in the quantity's unit."""
+    """One mission file. Coordinates are as written, lengths metres, values in the quantity's unit."""
 
     source: str  # the file, for errors
     name: str
     area: tuple[Rings, ...] | RasterArea
     no_go: tuple[tuple[Rings, ...], ...]  # one entry for each zone of the file
     metres: bool  # coordinates are metres, not degrees
+    crs: Crs | None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any
     clearance_m: float
     robots: tuple[Robot, ...]
     measurement_spacing_m: float

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.geo import WGS84, Crs, read_crs
 from maipp.missions.vehicle import Vehicle
 from maipp.scenario_checks import show
 from maipp.seeds import LARGEST_SEED
@@ -16,6 +17,7 @@ KEYS = (
     "name",
     "area",
     "metres",
+    "crs",
     "no_go",
     "clearance_m",
     "robots",
@@ -36,11 +38,11 @@ KEYS = (
     "seed",
 )
 ROBOT_KEYS = ("name", "start", "speed", "budget_m", "budget_minutes")
-RASTER_AREA_KEYS = ("raster", "value", "below", "above")
+RASTER_AREA_KEYS = ("raster", "value", "below", "above", "crs")
 VEHICLE_KEYS = ("kind", "autopilot", "altitude_m", "return_home", "fence")
 KERNEL_KEYS = ("length_scale_m", "mean", "std")
-SAMPLE_KEYS = ("file", "x", "y", "value")
-REHEARSAL_KEYS = ("raster", "value", "fields")
+SAMPLE_KEYS = ("file", "x", "y", "value", "crs")
+REHEARSAL_KEYS = ("raster", "value", "fields", "crs")
 # The rest of the scenario follows from the mission.
 SCENARIO_KEYS = (
     "grid",
@@ -81,21 +83,27 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         if required not in keys:
             root.wrong(f"{required}: missing; `maipp survey --new` prints a mission with all keys")
     metres = keys["metres"].flag() if "metres" in keys else False
+    crs = _crs(keys)
+    if metres and crs is not None and crs.metres != 1.0:
+        keys["crs"].wrong(f"{crs} has no metres, but metres: true says so; leave out one of the two")
+    # GeoJSON is in WGS84 by its own rules; people who plan in metres write it in metres.
+    geojson = None if metres else WGS84
     threshold = keys["threshold"].number("a number in the unit") if "threshold" in keys else None
     below = keys["below"].flag() if "below" in keys else False
     if below and threshold is None:
         keys["below"].wrong("says on which side of the threshold values matter, but there is none; give threshold")
     spacing = keys["measurement_spacing_m"].positive("a length > 0, in metres")
-    robots = _robots(keys["robots"], spacing, metres)
+    robots = _robots(keys["robots"], spacing, metres or (crs is not None and not crs.geographic))
     options = keys["planner_options"] if "planner_options" in keys else None
     if options is not None and not isinstance(options.value, dict):
         options.wrong(f"{show(options.value)} is not a mapping; give lines of `option: value`")
     return Survey(
         source=source,
         name=keys["name"].text("a name") if "name" in keys else (Path(source).stem or "survey"),
-        area=_area(keys["area"], folder),
-        no_go=tuple(_zones(keys["no_go"], folder)) if "no_go" in keys else (),
+        area=_area(keys["area"], folder, geojson),
+        no_go=tuple(_zones(keys["no_go"], folder, geojson)) if "no_go" in keys else (),
         metres=metres,
+        crs=crs,
         clearance_m=_at_least_0(keys, "clearance_m", "a length >= 0, in metres") or 0.0,
         robots=robots,
         measurement_spacing_m=spacing,
@@ -134,7 +142,16 @@ def _file(entry: Entry, folder: Path, allowed: str) -> Path:
     return path if found else entry.wrong(f"no file {path}")
 
 
-def _area(entry: Entry, folder: Path) -> tuple[Rings, ...] | RasterArea:
+def _crs(keys: dict[str, Entry]) -> Crs | None:
+    """The coordinate reference system that a key names; None without one."""
+    if "crs" not in keys:
+        return None
+    entry = keys["crs"]
+    crs = read_crs(entry.text("a coordinate reference system, such as EPSG:25833"), f"{entry.where}: {entry.key}")
+    return crs if crs.located else entry.wrong("is no place on Earth; for a plain plane give metres: true")
+
+
+def _area(entry: Entry, folder: Path, geojson: Crs | None) -> tuple[Rings, ...] | RasterArea:
     if isinstance(entry.value, dict) and "type" not in entry.value:
         keys = entry.children(RASTER_AREA_KEYS)
         if "raster" not in keys:
@@ -148,23 +165,24 @@ def _area(entry: Entry, folder: Path) -> tuple[Rings, ...] | RasterArea:
             level=keys[side].number("a level in the raster's unit") if side in keys else None,
             below=side == "below",
             where=f"{entry.where}: {entry.key}",
+            crs=_crs(keys),
         )
-    return tuple(_shape(entry, folder))
+    return tuple(_shape(entry, folder, geojson))
 
 
-def _zones(entry: Entry, folder: Path) -> list[tuple[Rings, ...]]:
+def _zones(entry: Entry, folder: Path, geojson: Crs | None) -> list[tuple[Rings, ...]]:
     """The no-go zones: one, or a list of them."""
     value = entry.value
     if isinstance(value, list) and not (value and all(is_point(item) for item in value)):
-        return [tuple(_shape(item, folder)) for item in entry.items(0, "a list of zones")]
-    return [tuple(_shape(entry, folder))]
+        return [tuple(_shape(item, folder, geojson)) for item in entry.items(0, "a list of zones")]
+    return [tuple(_shape(entry, folder, geojson))]
 
 
-def _shape(entry: Entry, folder: Path) -> list[Rings]:
+def _shape(entry: Entry, folder: Path, geojson: Crs | None) -> list[Rings]:
     """The polygons that a path, GeoJSON or a list of positions gives."""
     value, where = entry.value, f"{entry.where}: {entry.key}"
     if isinstance(value, str):
-        return load_geojson(_file(entry, folder, _RINGS))
+        return load_geojson(_file(entry, folder, _RINGS), geojson)
     if isinstance(value, dict):
         return polygons_in(value, where)
     if isinstance(value, list):
@@ -172,7 +190,7 @@ def _shape(entry: Entry, folder: Path) -> list[Rings]:
     return entry.wrong(f"{show(value)} is not {_RINGS}")
 
 
-def _robots(entry: Entry, spacing: float, metres: bool) -> tuple[Robot, ...]:
+def _robots(entry: Entry, spacing: float, plane: bool) -> tuple[Robot, ...]:
     robots: list[Robot] = []
     for index, item in enumerate(entry.items(1, "a list of robots, one at least")):
         if index >= _MOST_ROBOTS:
@@ -195,7 +213,7 @@ def _robots(entry: Entry, spacing: float, metres: bool) -> tuple[Robot, ...]:
                 f"{show(keys[key].value)} allows {budget:.4g} m, less than measurement_spacing_m ({spacing:g} m), "
                 "so nothing would be measured; give more budget or a smaller spacing"
             )
-        axes = "[x, y] in metres" if metres else "[longitude, latitude] in degrees"
+        axes = "[x, y]" if plane else "[longitude, latitude] in degrees"
         name = keys["name"].text("a name") if "name" in keys else f"robot-{index + 1}"
         if name in (robot.name for robot in robots):
             (keys.get("name") or item).wrong(f"{show(name)} is the name of an earlier robot; give each its own")
@@ -228,8 +246,8 @@ def _samples(entry: Entry, folder: Path) -> SampleFile:
     keys = entry.children(SAMPLE_KEYS)
     if "file" not in keys:
         entry.wrong("has no file; give the path of a CSV file")
-    columns = {key: keys[key].text("the name of a column") for key in SAMPLE_KEYS[1:] if key in keys}
-    return SampleFile(_file(keys["file"], folder, "the path of a CSV file"), columns, where)
+    columns = {key: keys[key].text("the name of a column") for key in ("x", "y", "value") if key in keys}
+    return SampleFile(_file(keys["file"], folder, "the path of a CSV file"), columns, where, _crs(keys))
 
 
 def _kernel(entry: Entry) -> Kernel:
@@ -256,4 +274,5 @@ def _rehearsal(entry: Entry, folder: Path) -> Rehearsal:
         raster=_file(keys["raster"], folder, "the path of a raster") if "raster" in keys else None,
         value=keys["value"].text("the name of an array or column") if "value" in keys else None,
         fields=keys["fields"].whole("a number of fields from 1 to 10000", 1, 10_000) if "fields" in keys else 30,
+        crs=_crs(keys),
     )

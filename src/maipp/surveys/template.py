@@ -11,6 +11,7 @@ name: lake                       # what mission files and figures are titled wit
 # [longitude, latitude] in degrees (WGS84), or [x, y] in metres with `metres: true`.
 area: [[4.7300, 52.2400], [4.7460, 52.2400], [4.7480, 52.2460], [4.7400, 52.2500], [4.7300, 52.2480]]
 # metres: false
+# crs: EPSG:25833                # coordinate reference system of positions in this file that are not WGS84
 no_go:                           # zones that no robot may enter, in any of these forms
   - [[4.7370, 52.2440], [4.7390, 52.2440], [4.7390, 52.2455], [4.7370, 52.2455]]
 clearance_m: 5                   # distance to keep from the border and the zones (default 0)

@@ -66,8 +66,8 @@ class _Map:
 
     def __init__(self, axes: Axes, image: AxesImage, episode: Episode) -> None:
         self._image, self._episode = image, episode
-        self._routes = [episode.units.points(agent.route) for agent in episode.agents]
-        self._spots = episode.units.points(np.concatenate([agent.measurement_x for agent in episode.agents]))
+        self._routes = [episode.drawn.to_user(agent.route) for agent in episode.agents]
+        self._spots = episode.drawn.to_user(np.concatenate([agent.measurement_x for agent in episode.agents]))
         self._spot_times = np.concatenate([agent.measurement_time for agent in episode.agents])
         self._outline = axes.add_collection(PathCollection([], facecolor="none", lw=1.0, zorder=AREA), autolim=False)
         self._outline.set_edgecolor(OUTLINE_COLOUR)
@@ -103,19 +103,19 @@ class Film:
     def __init__(self, episode: Episode, frames: int = _FRAMES, dpi: int = _DPI) -> None:
         self.episode = episode
         self.times = np.linspace(0.0, max(episode.end, 1e-9), frames)
-        units = episode.units
+        there = episode.drawn
         belief = episode.beliefs(self.times + _INSTANT)  # what is measured at an instant is known in its frame
-        self._means, self._stds = units.values(belief.mean), units.std(np.sqrt(belief.variance))
+        self._means, self._stds = there.to_user_values(belief.mean), there.to_user_std(np.sqrt(belief.variance))
         surplus = inside_only(belief.bound - episode.scenario.threshold, episode.inside)
         self._outlines = outline_paths(episode, surplus)
-        self._places = units.points(episode.positions(self.times))
+        self._places = there.to_user(episode.positions(self.times))
 
         width, height = map_size(episode, area=8.0, longest=4.0)
         up, right = _BOTTOM + _CURVE + _GAP_Y, _LEFT + width + _BAR_GAP + _BAR + _GAP_X
         whole = (right + width + _BAR_GAP + _BAR + _RIGHT, up + height + _TOP)
         backdrop, self.figure = new_figure(*whole, dpi), new_figure(*whole, dpi)
-        shown = np.concatenate([units.values(episode.truth), self._means[-1]])
-        threshold = float(units.values(episode.scenario.threshold))
+        shown = np.concatenate([there.to_user_values(episode.truth), self._means[-1]])
+        threshold = float(there.to_user_values(episode.scenario.threshold))
         self._maps = []
         for left, title, colours, limits, label, mark in (
             (
@@ -123,7 +123,7 @@ class Film:
                 "Predicted mean, high-interest area",
                 VALUE_MAP,
                 (float(shown.min()), float(shown.max())),
-                units.value,
+                there.value_name,
                 threshold,
             ),
             (
@@ -131,7 +131,7 @@ class Film:
                 "Predicted standard deviation",
                 STD_MAP,
                 (0.0, float(self._stds.max())),
-                f"std of {units.value}",
+                f"std of {there.value_name}",
                 None,
             ),
         ):

@@ -17,5 +17,5 @@ def numbers_line(episode: Episode) -> str:
     metrics = episode.metrics
     count = sum(len(agent.measurement_y) for agent in episode.agents)
     prior = "" if episode.prior is None else f", {len(episode.prior.y)} prior samples"
-    error = float(episode.units.std(metrics.rmse))
+    error = float(episode.drawn.to_user_std(metrics.rmse))
     return f"Tr(P) = {metrics.trace:.3g}   RMSE = {error:.3g}   {count} measurements{prior}"

@@ -43,16 +43,19 @@ def map_size(episode: Episode, area: float, longest: float) -> tuple[float, floa
 
 def corners(episode: Episode) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
     """Lower left and upper right corner of the domain, file coordinates."""
-    return episode.units.points(np.zeros(2)), episode.units.points(np.array(episode.scenario.extent))
+    return episode.drawn.to_user(np.zeros(2)), episode.drawn.to_user(np.array(episode.scenario.extent))
 
 
 def prepare_map(axes: Axes, episode: Episode, title: str, *, x_label: bool = True, y_label: bool = True) -> None:
     """Limits, proportions, labels and obstacles of a map."""
     low, high = corners(episode)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_aspect(episode.units.aspect)
+    axes.set_aspect(episode.drawn.aspect)
     axes.set_title(title, fontsize=MEDIUM, loc="left", pad=4)
-    for axis, shown, label in ((axes.xaxis, x_label, episode.units.x), (axes.yaxis, y_label, episode.units.y)):
+    for axis, shown, label in (
+        (axes.xaxis, x_label, episode.drawn.x_name),
+        (axes.yaxis, y_label, episode.drawn.y_name),
+    ):
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         axis.set_tick_params(labelbottom=shown, labelleft=shown)
         if shown:
@@ -65,14 +68,14 @@ def prepare_map(axes: Axes, episode: Episode, title: str, *, x_label: bool = Tru
 def draw_obstacles(axes: Axes, episode: Episode) -> None:
     """The no-go polygons, hatched."""
     for polygon in episode.scenario.obstacles:
-        places = episode.units.points(np.array(polygon))
+        places = episode.drawn.to_user(np.array(polygon))
         axes.add_patch(Polygon(places, zorder=OBSTACLE, **_OBSTACLE_LOOK))
 
 
 def draw_prior(axes: Axes, episode: Episode) -> None:
     """The samples taken before the survey as small crosses; the more there are, the smaller."""
     if episode.prior is not None:
-        places = episode.units.points(np.asarray(episode.prior.x))
+        places = episode.drawn.to_user(np.asarray(episode.prior.x))
         size = min(_PRIOR_LOOK["ms"], max(1.5, 40.0 / math.sqrt(len(places))))
         axes.plot(*places.T, path_effects=halo(1.6), zorder=OBSTACLE + 0.5, **(_PRIOR_LOOK | {"ms": size}))
 
@@ -96,7 +99,7 @@ def draw_field(
         cmap=colours,
         vmin=limits[0],
         vmax=limits[1],
-        aspect=episode.units.aspect,
+        aspect=episode.drawn.aspect,
         interpolation="bilinear",
         zorder=FIELD,
     )
@@ -139,12 +142,12 @@ def inside_only(surplus: Float[np.ndarray, "*k q"], inside: Bool[np.ndarray, " q
 def draw_routes(axes: Axes, episode: Episode) -> None:
     """Routes with their measurements, starts and ends."""
     for index, agent in enumerate(episode.agents):
-        colour, route = agent_colour(index), episode.units.points(agent.route)
-        spots = episode.units.points(agent.measurement_x)
+        colour, route = agent_colour(index), episode.drawn.to_user(agent.route)
+        spots = episode.drawn.to_user(agent.measurement_x)
         axes.plot(*route.T, color=colour, ls=agent_line(index), lw=1.4, path_effects=halo(2.3), zorder=ROUTE)
         axes.plot(*spots.T, ls="", marker="o", ms=3.0, mfc=colour, mec="white", mew=0.5, zorder=ROUTE + 0.1)
         axes.plot(*route[-1], marker="s", ms=5.5, mfc=colour, mec="black", mew=0.8, zorder=MARKER)
-    for start in {tuple(episode.units.points(agent.start)) for agent in episode.agents}:
+    for start in {tuple(episode.drawn.to_user(agent.start)) for agent in episode.agents}:
         axes.plot(*start, marker="o", ms=6.5, mfc="white", mec="black", mew=1.2, zorder=MARKER)
 
 

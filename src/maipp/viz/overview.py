@@ -40,10 +40,10 @@ _GAP_X, _GAP_Y, _BAR_GAP, _BAR = 0.25, 0.45, 0.12, 0.14
 
 def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     """The four maps of Yang et al. 2023, Fig. 1, in the file's coordinates and units where there are any."""
-    units, scenario = episode.units, episode.scenario
+    there, scenario = episode.drawn, episode.scenario
     belief = episode.beliefs(np.array([np.inf]))
-    truth, mean = units.values(episode.truth), units.values(belief.mean[0])
-    std = units.std(np.sqrt(belief.variance[0]))
+    truth, mean = there.to_user_values(episode.truth), there.to_user_values(belief.mean[0])
+    std = there.to_user_std(np.sqrt(belief.variance[0]))
     shown = np.concatenate([truth[episode.inside], mean[episode.inside]])
     limits = (float(shown.min()), float(shown.max()))
 
@@ -63,8 +63,8 @@ def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     image = draw_field(axes, episode, mean, VALUE_MAP, limits)
     prepare_map(axes, episode, "Predicted mean", x_label=False, y_label=False)
     draw_routes(axes, episode)
-    threshold = float(units.values(scenario.threshold))
-    colour_bar(figure, add_axes(figure, bar_left, up, _BAR, height), image, units.value, threshold)
+    threshold = float(there.to_user_values(scenario.threshold))
+    colour_bar(figure, add_axes(figure, bar_left, up, _BAR, height), image, there.value_name, threshold)
 
     axes = add_axes(figure, _LEFT, _BOTTOM, width, height)
     prepare_map(axes, episode, "High-interest area")
@@ -90,7 +90,7 @@ def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     image = draw_field(axes, episode, std, STD_MAP, (0.0, float(std[episode.inside].max())))
     prepare_map(axes, episode, "Predicted standard deviation", y_label=False)
     draw_routes(axes, episode)
-    colour_bar(figure, add_axes(figure, bar_left, _BOTTOM, _BAR, height), image, f"std of {units.value}")
+    colour_bar(figure, add_axes(figure, bar_left, _BOTTOM, _BAR, height), image, f"std of {there.value_name}")
 
     left = _LEFT / figure.get_size_inches()[0]
     inch = 1 / figure.get_size_inches()[1]

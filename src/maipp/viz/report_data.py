@@ -98,7 +98,7 @@ def _axes(report: SurveyReport, low: np.ndarray, high: np.ndarray) -> dict[str, 
     return {
         "x": report.x_label,
         "y": report.y_label,
-        "aspect": _real(report.aspect(float((low[1] + high[1]) / 2))),
+        "aspect": _real(report.aspect),
         "shown": [_real(value, 9) for value in shown],
         "whole": [_real(value, 9) for value in (*low, *high)],
         "decimals": decimals(float((far - near).max()), 4),

@@ -1,41 +1,30 @@
 """What a survey's report tells: the record, and the facts that give it names, places and units."""
 
-import re
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from maipp.engine.episode import Episode
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.team.told import Told
 from maipp.typing import Float
-
-_UNIT_BEHIND = re.compile(r"(?<=\S)\s+\(([^()]+)\)$")
-
-ToUser = Callable[[np.ndarray], np.ndarray]  # domain positions (n, 2) to the user's coordinates (n, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class SurveyReport:
     """A record with what makes it readable: every fact but the record has a default.
 
-    Without `to_user` the coordinates are those of the field's file, or domain units where there is none; the same holds
-    for values without `value_scale`. Raises `InputError` for facts that contradict the record or each other.
+    Coordinates, values and lengths are those of the record's reference, unless another is given. Raises `InputError`
+    for facts that contradict the record or each other.
     """
 
     episode: Episode
     title: str = "Survey"
     date: str | None = None  # as shown
     names: tuple[str, ...] = ()  # of the robots; empty: agent 0, agent 1, ...
-    to_user: ToUser | None = None
-    geographic: bool = False  # the user's coordinates are (longitude, latitude) in degrees, else (x, y)
-    metres_per_unit: float | None = None  # metres in one domain unit
+    reference: GeoReference | None = None  # to the user's coordinates and units; None: the record's
     seconds_per_time: float | None = None  # seconds in the scenario's unit of time
-    value_offset: float = 0.0  # user's value = value_offset + value_scale * normalised value
-    value_scale: float | None = None  # negative where low values are the interesting ones
-    quantity: str | None = None  # what is measured
-    unit: str | None = None  # of the values
     # Shapes are checked below, not annotated: whoever gives others must be told so in words.
     area: np.ndarray | None = None  # (v, 2) outline of the survey area, user's coordinates
     no_go: tuple[np.ndarray, ...] | None = None  # (v, 2) rings; None: the scenario's obstacles, if no area is given
@@ -49,12 +38,11 @@ class SurveyReport:
         agents = len(self.episode.agents)
         if self.names and len(self.names) != agents:
             raise InputError(f"names: {len(self.names)} for {agents} robots; give one each, or none")
-        for name in ("metres_per_unit", "seconds_per_time"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name}: {value} is not a number > 0")
-        if self.value_scale is not None and not (np.isfinite(self.value_scale) and self.value_scale != 0):
-            raise InputError(f"value_scale: {self.value_scale} is not a number other than 0")
+        seconds, there = self.seconds_per_time, self.reference
+        if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
+            raise InputError(f"seconds_per_time: {seconds} is not a number > 0")
+        if there is not None and there.domain != self.episode.scenario.extent:
+            raise InputError(f"reference: its domain is {there.domain}, the record's {self.episode.scenario.extent}")
         if (self.prior_x is None) != (self.prior_y is None):
             raise InputError("prior_x, prior_y: one is given without the other; give both, or neither")
         if self.prior_x is not None and self.prior_y is not None:
@@ -76,25 +64,34 @@ class SurveyReport:
         return self.names or tuple(f"agent {i}" for i in range(len(self.episode.agents)))
 
     @property
+    def geo(self) -> GeoReference:
+        """What leads to the user's coordinates and units."""
+        return self.reference or self.episode.geo
+
+    @property
+    def geographic(self) -> bool:
+        """Whether the user's coordinates are longitude and latitude."""
+        return self.geo.geographic
+
+    @property
     def x_label(self) -> str:
         """What the x axis of a map shows, with its unit."""
-        return self._axis_label("longitude (°)", "x, east (m)", self.episode.units.x)
+        return self._axis_label("longitude (°)", self.geo.x_name)
 
     @property
     def y_label(self) -> str:
         """What the y axis of a map shows, with its unit."""
-        return self._axis_label("latitude (°)", "y, north (m)", self.episode.units.y)
+        return self._axis_label("latitude (°)", self.geo.y_name)
 
     @property
     def value_name(self) -> str:
-        """The measured quantity, without a unit that its name in the file may bear."""
-        return self.quantity or _UNIT_BEHIND.sub("", self.episode.units.value)
+        """The measured quantity, without its unit."""
+        return self.geo.quantity
 
     @property
     def value_unit(self) -> str:
-        """Unit of the values, from the name in the file where none is given: m for "depth (m)"; else empty."""
-        behind = None if self.value_scale is not None else _UNIT_BEHIND.search(self.episode.units.value)
-        return self.unit or (behind[1] if behind else "")
+        """Unit of the values; empty where it is not known."""
+        return self.geo.unit or ""
 
     @property
     def threshold(self) -> float:
@@ -104,7 +101,7 @@ class SurveyReport:
     @property
     def inverted(self) -> bool:
         """Whether low values are the interesting ones."""
-        return self.episode.units.inverted if self.value_scale is None else self.value_scale < 0
+        return self.geo.inverted
 
     @property
     def outline(self) -> Float[np.ndarray, "v 2"]:
@@ -135,36 +132,23 @@ class SurveyReport:
         return found if found is not None and len(found[1]) else None
 
     def points(self, points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
-        """The user's coordinates of domain positions. Raises `InputError` where `to_user` gives none."""
-        points = np.asarray(points, np.float64)
-        if self.to_user is None:
-            return np.asarray(self.episode.units.points(points), np.float64)
-        there = np.asarray(self.to_user(points.reshape(-1, 2)), np.float64).reshape(points.shape)
-        if not np.isfinite(there).all():
-            raise InputError("to_user: gives coordinates that are not finite")
-        return there
+        """The user's coordinates of domain positions."""
+        return self.geo.to_user(points)
 
     def values(self, values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """The user's values of normalised ones."""
-        if self.value_scale is None:
-            return self.episode.units.values(values)
-        return np.asarray(np.asarray(values) * self.value_scale + self.value_offset)
+        return self.geo.to_user_values(values)
 
     def std(self, std: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Errors and standard deviations in the user's unit."""
-        if self.value_scale is None:
-            return self.episode.units.std(std)
-        return np.asarray(np.asarray(std) * abs(self.value_scale))
+        return self.geo.to_user_std(std)
 
-    def aspect(self, latitude: float) -> float:
-        """Length on the ground of a unit of y over that of a unit of x, at this latitude (degrees) if geographic."""
-        if self.to_user is None:
-            return self.episode.units.aspect
-        return 1.0 / max(float(np.cos(np.radians(latitude))), 0.01) if self.geographic else 1.0
+    @property
+    def aspect(self) -> float:
+        """Length on the ground of a unit of y over that of a unit of x."""
+        return self.geo.for_pictures.aspect
 
-    def _axis_label(self, degrees: str, metres: str, other: str) -> str:
+    def _axis_label(self, degrees: str, other: str) -> str:
         if self.geographic:
             return degrees
-        if self.to_user is not None:
-            return metres
-        return other if self.episode.mapping is not None else f"{other} (domain units)"
+        return other if (self.reference or self.episode.reference) is not None else f"{other} (domain units)"

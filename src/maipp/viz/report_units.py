@@ -3,10 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from maipp.fields.raster import Mapping
 from maipp.viz.report_survey import SurveyReport
-
-_METRES_PER_DEGREE = math.radians(6_371_008.8)  # of latitude, on a sphere of the Earth's mean radius
 
 
 @dataclass(frozen=True)
@@ -27,28 +24,14 @@ class Unit:
 
 def length_unit(report: SurveyReport) -> Unit:
     """For lengths: metres or kilometres, else the unit of the file's coordinates, else domain units."""
-    mapping = report.episode.mapping
-    metres = report.metres_per_unit or (mapping and metres_of_degrees(mapping))
-    if metres:
-        longest = max(agent.budget for agent in report.episode.agents) * metres
-        return Unit(metres / 1000, "km") if longest >= 10_000 else Unit(metres, "m")
-    scale = report.episode.units.length_scale
-    return Unit(1.0, "domain units") if mapping is None or scale is None else Unit(scale, "map units")
-
-
-def metres_of_degrees(mapping: Mapping) -> float | None:
-    """Metres in a domain unit, where the file's coordinates are degrees; None where they are not.
-
-    A file of degrees has a domain whose proportions are those on the ground at its middle latitude. No other file comes
-    by them, so that nothing else need be known of it.
-    """
-    (size_x, size_y), (width, height) = mapping.size, mapping.domain
-    middle = mapping.origin[1] + size_y / 2
-    if not 0 < abs(middle) < 90:
-        return None
-    proportion = (width / size_x) / (height / size_y)
-    on_the_ground = math.isclose(proportion, math.cos(math.radians(middle)), rel_tol=1e-9)
-    return size_y / height * _METRES_PER_DEGREE if on_the_ground else None
+    there = report.geo
+    if there.metres_per_unit is not None:
+        longest = max(agent.budget for agent in report.episode.agents) * there.metres_per_unit
+        return Unit(there.metres_per_unit / 1000, "km") if longest >= 10_000 else Unit(there.metres_per_unit, "m")
+    known = report.reference or report.episode.reference
+    if known is None or known.length_scale is None:
+        return Unit(1.0, "domain units")
+    return Unit(known.length_scale, "map units")
 
 
 def time_unit(report: SurveyReport) -> Unit:
