@@ -1,6 +1,5 @@
 """One engine: a live survey that is told what a batch survey knows decides what that one decides."""
 
-import dataclasses
 import itertools
 
 import equinox as eqx
@@ -174,12 +173,14 @@ def follow(scenario, name, slots, *, prior=None, folder=None, exact):
             else made.leg[:1]
         )
         np.testing.assert_allclose(robot.leg, leg, atol=2e-6 if exact else 1e-4)
-        told = (made.message, made.memory) if made.go else (robot.message, made.memory)
-        for mine, other in zip(jax.tree.leaves((robot.message, robot.memory)), jax.tree.leaves(told), strict=True):
+        if not made.go:  # a live survey does not ask the planner for a robot that has nothing left
+            continue
+        mine, told = (jax.tree.leaves((each.message, each.memory)) for each in (robot, made))
+        for own, other in zip(mine, told, strict=True):
             if exact:
-                np.testing.assert_array_equal(mine, other)
+                np.testing.assert_array_equal(own, other)
             else:
-                np.testing.assert_allclose(mine, other, atol=1e-4, rtol=1e-3)
+                np.testing.assert_allclose(own, other, atol=1e-4, rtol=1e-3)
     assert number > 2 * scenario.agents
     return crew
 
@@ -194,24 +195,23 @@ def test_in_the_same_shape_decisions_are_the_same_to_the_bit(name, tmp_path):
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(name, monkeypatch):
-    """Each robot has a survey of its own, which is told what it hears, and begins with room for two measurements.
+    """Each robot has a survey of its own, which is told what it hears, and begins with room for one measurement.
 
     The factor of a belief with other slots is rounded otherwise, at 1e-6 or so; a gradient step carries that on.
     """
-    monkeypatch.setattr(world, "_RESERVE", 0.5)
+    monkeypatch.setattr(world, "_RESERVE", 0.2)
     scenario = SCENARIO.replace(comm_range=0.3)
     crew = follow(scenario, name, None, exact=False)
     room = [survey._measurements.slots_per_robot for survey in crew.surveys]
-    assert max(room) > scenario.measurements_per_agent // 2 + 1  # it has grown
+    assert max(room) > 1  # it has grown
 
 
 def test_what_no_survey_was_told_is_unknown():
     """The check of the equality: a measurement kept back changes what is decided."""
-    scenario = dataclasses.replace(SCENARIO)
-    batch, crew = Batch(scenario, "greedy", None, None), Crew(scenario, "greedy", None)
+    batch, crew = Batch(SCENARIO, "greedy", None, None), Crew(SCENARIO, "greedy", None)
+    crew.told[0] = set(range(2 * batch.mission.shape.slots))
     legs = []
-    for _ in range(5):
+    while batch.going:
         known = batch.known()
-        crew.told[0] |= {slot for slot in range(batch.mission.shape.slots) if known.known[slot]}  # agent 0's, kept back
         legs.append((crew.arrive(known, batch).leg[-1], batch.decide(known).leg[-1]))
     assert any(not np.allclose(mine, other, atol=1e-3) for mine, other in legs)

@@ -35,7 +35,7 @@ def test_whoever_has_budget_to_spare_ends_at_the_meeting(x, y, u, v, remaining):
     )
     length = np.linalg.norm(target - start)
     end = start + (target - start) * min(1.0, remaining / max(length, 1e-9))
-    away = np.linalg.norm(end - MEETING.place) - MEETING.radius
+    away = np.linalg.norm(end - np.asarray(MEETING.place)) - MEETING.radius
     if left >= 0:  # straight there is affordable, and the detour of a roadmap too
         assert min(length, remaining) + 1.1 * max(away, 0) <= remaining + 1e-4
     else:
@@ -66,9 +66,9 @@ def test_a_plan_in_the_plane_is_late_by_what_its_worst_leg_lacks(moves, remainin
     for end, step in zip(ends, steps, strict=True):
         share = min(1.0, left / step)
         at, left = at + share * (end - at), max(0.0, left - step)
-        worst = max(worst, np.linalg.norm(at - MEETING.place) - MEETING.radius - left)
+        worst = max(worst, np.linalg.norm(at - np.asarray(MEETING.place)) - MEETING.radius - left)
     late = lateness(MEETING, *map(lambda a: jnp.asarray(a, jnp.float32), (start, ends, steps, remaining)))
-    assert float(late) == pytest.approx(max(worst, 0.0), abs=1e-4)
+    assert float(late) == pytest.approx(float(max(worst, 0.0)), abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["receding-horizon", "intent-search"])

@@ -44,7 +44,8 @@ def dithering(mission, planner):
     rng = np.random.default_rng(3)
     known = knowledge(mission, reset(planner, mission), jnp.int32(1), jnp.array([True, False]))
     slots = mission.shape.slots
-    x = rng.uniform(0.5, 0.9, (2, slots, 2)).astype(np.float32)
+    x = np.stack(np.meshgrid([0.5, 0.75, 1.0], [0.0, 0.3, 0.6, 0.9]), axis=-1).reshape(-1, 2)[:slots]
+    x = np.stack([x, x]).astype(np.float32)  # farther apart than measurements on the way
     x[1] = np.asarray(known.position) + rng.normal(0.0, 0.02, (slots, 2))
     times = np.sort(rng.uniform(0, 1, (2, slots)), axis=1).astype(np.float32)
     values = rng.normal(0.3, 0.3, 2 * slots).astype(np.float32)

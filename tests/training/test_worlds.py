@@ -130,7 +130,7 @@ def test_worlds_are_drawn_from_all_that_the_configuration_allows(learner):
     worlds = jax.tree.map(np.asarray, draw(jax.random.split(jax.random.key(0), 200)))
     assert set(worlds.symmetry) == set(range(8)) and set(worlds.roadmap) == {0, 1}
     assert set(np.unique(worlds.signs)) == {-1.0, 1.0} and len(np.unique(worlds.signs, axis=0)) > 190
-    budgets = worlds.budgets
+    budgets = worlds.params.budgets
     assert (budgets[:, 0] == budgets[:, 1]).all() and len(np.unique(budgets[:, 0])) > 190
     # 200 uniform draws: their mean deviates by sqrt((5 - 1.5)^2 / 12 / 200) = 0.07.
     assert budgets.min() >= 1.5 and budgets.max() <= 5.0 and budgets.mean() == pytest.approx(3.25, abs=0.3)

@@ -92,7 +92,7 @@ def read_event(values: dict[str, Any], robots: Sequence[str]) -> Event:
         "time": lambda: fields.number("time", _TIME, 0.0),
         "travelled": lambda: fields.optional_number("travelled", _TRAVELLED, 0.0),
         "budget": lambda: fields.number("budget", "a length >= 0", 0.0),
-        "packed": lambda: fields.text("packed", "the message's own text", 10_000),
+        "packed": lambda: fields.text("packed", "the message's own text", 10_000, empty=True),
     }
     given = {field.name: readers[field.name]() for field in dataclasses.fields(kind)}
     fields.done()

@@ -75,10 +75,10 @@ class Fields:
             self.wrong(key, f"missing; give {allowed}")
         return self._values[key]
 
-    def text(self, key: str, allowed: str, longest: int = LONGEST_ID) -> str:
-        """The text: not empty, and not too long."""
+    def text(self, key: str, allowed: str, longest: int = LONGEST_ID, *, empty: bool = False) -> str:
+        """The text: not empty unless that is allowed, and not too long."""
         value = self._take(key, allowed)
-        if not isinstance(value, str) or not value.strip() or len(value) > longest:
+        if not isinstance(value, str) or not (value.strip() or empty) or len(value) > longest:
             self.wrong(key, f"{show(value)} is not {allowed}")
         return value
 
