@@ -42,3 +42,22 @@ def test_cells_without_a_value_are_outside(tmp_path, level):
 def test_a_level_that_nothing_reaches_is_told(tmp_path):
     with pytest.raises(InputError, match=r"m.yaml:1: area: no cell lies below -3; the raster has 0 to 7"):
         area(tmp_path, RADIUS, -3.0)
+
+
+def test_islands_lakes_on_them_and_touching_corners(tmp_path):
+    """Rings within rings, and a saddle at the border: every grid point is where its value belongs."""
+    values = np.full((40, 40), -1.0)
+    for level, ring in enumerate(range(4, 20, 4)):
+        values[ring:-ring, ring:-ring] = 1.0 if level % 2 == 0 else -1.0
+    values[0, 0] = values[1, 1] = 2.0  # a saddle beside
+    np.savez(tmp_path / "rings.npz", values=values, x=np.arange(40.0), y=np.arange(40.0))
+    parts = {}
+    for below in (True, False):
+        source = RasterArea(tmp_path / "rings.npz", None, 0.0, below, "m.yaml:1: area")
+        parts[below] = raster_polygons(source, geographic=False)
+        assert all(part.is_valid for part in parts[below])
+    wet, dry = (shapely.union_all(parts[below]) for below in (True, False))
+    assert wet.area + dry.area == pytest.approx(39**2) and wet.intersection(dry).area == pytest.approx(0, abs=1e-9)
+    for y, x in np.argwhere(np.ones(values.shape, bool)):
+        assert (wet if values[y, x] < 0 else dry).distance(shapely.Point(x, y)) < 1e-9
+    assert sorted(len(part.interiors) for part in parts[True])[-2:] == [1, 1]

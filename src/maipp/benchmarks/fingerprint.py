@@ -21,8 +21,8 @@ from maipp.errors import InputError
 # What every survey runs through, whoever plans it.
 _SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.benchmarks.evaluate")
 
-# Libraries of maipp that draw, print and read text: no number of a result comes from them.
-_NO_NUMBERS = {"matplotlib", "rich", "tyro", "pyyaml"}
+# Libraries of maipp that draw, print, read text and cut areas from maps: no number of a result comes from them.
+_NO_NUMBERS = {"matplotlib", "contourpy", "rich", "tyro", "pyyaml"}
 
 
 def planner_fingerprint(planner: Planner) -> dict[str, Any]:

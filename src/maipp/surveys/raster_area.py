@@ -1,12 +1,11 @@
 """An area from a gridded map: where its values lie on one side of a level, such as water below 0 m."""
 
-import functools
+from typing import Any
 
 import numpy as np
 import shapely
-from matplotlib.figure import Figure
+from contourpy import FillType, contour_generator
 from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
 from maipp.fields.raster import RasterData, load_raster
@@ -35,18 +34,16 @@ def raster_polygons(source: RasterArea, data: RasterData) -> list[Polygon]:
         side = "below" if source.below else "above"
         raise InputError(f"{source.where}: no cell lies {side} {source.level:g}; the raster has {low:g} to {high:g}")
     lowest = min(float(values.min()), level) - 1.0
-    axes = Figure().add_subplot()
-    (path,) = axes.contourf(data.x, data.y, np.ma.masked_array(values, ~held), levels=[lowest, level]).get_paths()
-    outlines = [np.asarray(ring) for ring in path.to_polygons(closed_only=True)]
-    rings = [Polygon(ring) for ring in outlines if len(ring) >= 4]
-    # Outer rings and holes come without saying which is which: what lies in an even number of rings is outside.
-    valid = [ring if ring.is_valid else ring.buffer(0) for ring in rings]
-    region = functools.reduce(_exclusive, sorted(valid, key=lambda ring: -ring.area))
+    held_values = np.ma.masked_array(values, ~held)
+    contours = contour_generator(data.x, data.y, held_values, corner_mask=True, fill_type=FillType.OuterOffset)
+    filled: Any = contours.filled(lowest, level)  # two lists, in this way of filling
+    each_rings = [np.split(points, begins[1:-1]) for points, begins in zip(*filled, strict=True)]
+    # A polygon's outer ring comes first; a ring of fewer than three corners has no area.
+    polygons = [
+        Polygon(outer, [hole for hole in holes if len(hole) >= 4]) for outer, *holes in each_rings if len(outer) >= 4
+    ]
+    region = shapely.union_all([each if each.is_valid else each.buffer(0) for each in polygons])
     parts = [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and part.area > 0]
     if not parts:
         raise InputError(f"{source.where}: no four cells beside each other are in the area; give another level")
     return parts
-
-
-def _exclusive(region: BaseGeometry, ring: BaseGeometry) -> BaseGeometry:
-    return shapely.symmetric_difference(region, ring)
