@@ -39,7 +39,8 @@ def without_times(rows):
     return [{k: v for k, v in row.items() if k not in ("wall_s", "update_s", "transitions_per_s")} for row in rows]
 
 
-def test_a_run_leaves_weights_log_checkpoints_and_a_curve(tmp_path, fake):
+def test_a_run_leaves_weights_log_checkpoints_and_a_curve(tmp_path, fake, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tensorboardX", None)  # as where it is not installed
     steps = []
     about = {"machine": {"cpu": "abacus"}}
     result = train(
