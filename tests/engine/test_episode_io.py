@@ -119,7 +119,8 @@ def test_numbers_that_are_not_finite_are_refused(text, literal):
 
 def test_every_key_is_required(text):
     record = json.loads(text)
-    for path in {key.replace("[].", "/0/").replace(".", "/") for key in keys_of(record)}:
+    optional = {"agents[].stopped_by"}  # not there in older files
+    for path in {key.replace("[].", "/0/").replace(".", "/") for key in set(keys_of(record)) - optional}:
         with pytest.raises(InputError, match="missing"):
             parse_episode(json.dumps(change(record, path, None)))
 
