@@ -123,3 +123,43 @@ def test_without_rasterio_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rasterio", None)
     with pytest.raises(InputError, match=r"pip install 'maipp\[geo\]'"):
         load_raster(path)
+
+
+@pytest.mark.parametrize(
+    ("crs", "place"),
+    [
+        ("EPSG:3857", (13.3, 53.4)),
+        ("EPSG:25833", (13.3, 53.4)),
+        ("EPSG:4314", (13.3, 53.4)),
+        ("EPSG:4326", (13.3, 53.4)),
+        ("EPSG:2263", (-73.97, 40.77)),
+    ],
+)
+def test_a_domain_is_as_large_as_the_ground_is(tmp_path, crs, place):
+    from rasterio.transform import from_bounds
+
+    pyproj = pytest.importorskip("pyproj")
+    there = pyproj.Transformer.from_crs(4326, crs, always_xy=True)
+    step = np.array([0.02, 0.01])  # degrees: some kilometres
+    (west, south), (east, north) = (there.transform(*(np.array(place) + sign * step)) for sign in (-1, 1))
+    read = load_raster(
+        write(tmp_path / "f.tif", VALUES, crs=crs, transform=from_bounds(west, south, east, north, 4, 3))
+    )
+    field = Raster.from_data(read)
+    geod = pyproj.Geod(ellps="WGS84")
+    middle = (read.x[0] + read.x[-1]) / 2, (read.y[0] + read.y[-1]) / 2
+    across, along = (
+        geod.inv(*there.transform(*a, direction="INVERSE"), *there.transform(*b, direction="INVERSE"))[2]
+        for a, b in (
+            ((read.x[0], middle[1]), (read.x[-1], middle[1])),
+            ((middle[0], read.y[0]), (middle[0], read.y[-1])),
+        )
+    )
+    metres = field.reference.metres_per_unit
+    assert metres is not None and field.reference.geographic == (crs in ("EPSG:4314", "EPSG:4326"))
+    assert np.array(field.domain) * metres == pytest.approx([across, along], rel=0.005)
+
+
+def test_what_the_file_says_can_be_overridden(tmp_path):
+    path = write(tmp_path / "f.tif", VALUES, crs="EPSG:3857")
+    assert load_raster(path, crs=Crs("EPSG:25833", metres=1.0)).crs.name == "EPSG:25833"

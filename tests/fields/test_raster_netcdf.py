@@ -50,6 +50,19 @@ def test_axes_by_attributes_and_a_reference_system(tmp_path):
     assert read.crs == Crs("EPSG:32632", metres=1.0) and (read.x_name, read.y_name) == ("i", "j")
 
 
+def test_kilometres_of_a_system_in_metres_are_led_over(tmp_path):
+    units = {"units": "km"}
+    coords = {"x": ("x", LON * 100, units), "y": ("y", LAT * 100, units)}
+    data = xarray.Dataset(
+        {"chl": (("y", "x"), VALUES, {"grid_mapping": "utm"}), "utm": ((), 0, {"crs_wkt": wkt(32632)})}, coords=coords
+    )
+    read = load_raster(write(tmp_path / "f.nc", data))
+    np.testing.assert_allclose(read.x, LON * 1e5)
+    assert read.crs == Crs("EPSG:32632", metres=1.0)
+    plain = load_raster(write(tmp_path / "g.nc", data.drop_vars("utm")))
+    assert plain.crs == Crs(metres=1000.0) and plain.x[0] == LON[0] * 100
+
+
 def wkt(epsg):
     return pytest.importorskip("pyproj").CRS.from_epsg(epsg).to_wkt()
 

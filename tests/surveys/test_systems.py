@@ -65,12 +65,6 @@ def prepared(folder, text):
     return prepare(parse_survey(text, source="m.yaml", folder=folder))
 
 
-def free_area(ready):
-    """The area without its islands, before a strip along the borders is taken: true m2."""
-    outline, *islands = (shapely.Polygon(ready.frame.to_plane(ring)) for ring in (ready.area, *ready.no_go))
-    return outline.area - sum(island.area for island in islands)
-
-
 @pytest.mark.parametrize(
     ("box", "crs"),
     [(LAKE, "EPSG:3857"), (LAKE, "EPSG:25833"), (LAKE, "EPSG:4314"), (LAKE, "EPSG:4326"), (CITY, "EPSG:2263")],
@@ -80,7 +74,7 @@ def test_an_area_is_as_large_as_on_the_ground(tmp_path, box, crs):
     write_box(tmp_path / "map.tif", box, crs)
     start = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]
     ready = prepared(tmp_path, MISSION.format(area="{raster: map.tif, below: 0}", start=start))
-    assert free_area(ready) == pytest.approx(corners(box, crs)[1], rel=0.005)
+    assert ready.free_area == pytest.approx(corners(box, crs)[1], rel=0.005)
     assert ready.frame.geographic and ready.frame.crs == WGS84
     np.testing.assert_allclose(ready.frame.to_user(np.array(ready.scenario.starts))[0], start, atol=1e-6)
     # And it lies where it is.
@@ -94,7 +88,7 @@ def test_web_mercator_is_not_metres(tmp_path, said):
     shutil.copy(DATA / "webmercator.tif", tmp_path)
     text = MISSION.format(area="{raster: webmercator.tif, below: 0}", start=[1480883.2, 7057892.7]) + said + "\n"
     ready = prepared(tmp_path, text)
-    assert free_area(ready) == pytest.approx(2.96e6, rel=0.005)
+    assert ready.free_area == pytest.approx(2.96e6, rel=0.005)
     start = transform(np.array([1480883.2, 7057892.7]), read_crs("EPSG:3857", "x"), WGS84)
     np.testing.assert_allclose(ready.frame.to_user(np.array(ready.scenario.starts))[0], start, atol=1e-6)
 
@@ -166,7 +160,7 @@ def test_geojson_without_a_system_is_in_degrees(tmp_path):
     (tmp_path / "lake.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [outline.tolist()]}))
     start = corners((13.31, 53.405, 13.311, 53.406), "EPSG:25833")[0][0].tolist()
     ready = prepared(tmp_path, MISSION.format(area="lake.geojson", start=start) + "crs: EPSG:25833\n")
-    assert free_area(ready) == pytest.approx(area, rel=1e-4)
+    assert ready.free_area == pytest.approx(area, rel=1e-4)
     linked = {
         "type": "Polygon",
         "coordinates": [outline.tolist()],

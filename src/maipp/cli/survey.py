@@ -183,7 +183,8 @@ def _describe(prepared: "PreparedSurvey", console: Console) -> None:
     noise = float(frame.to_user_std(scenario.noise**0.5))
     table = Table(box=box.SIMPLE_HEAD, show_header=False, padding=(0, 2, 0, 0))
     table.add_row("survey", f"{survey.name}, {len(prepared.names)} robots, {prepared.planner}")
-    table.add_row("area", f"{_square(prepared.region.area)} of {_length(width)} x {_length(height)}")
+    free, reached = _square(prepared.free_area), _square(prepared.region.area)
+    table.add_row("area", f"{free} of {_length(width)} x {_length(height)}; routes keep to {reached} of it")
     table.add_row("prior", f"mean {frame.mean:.4g}, std {frame.std:.4g}{unit}, length scale {_length(scale)}{fitted}")
     table.add_row("noise", f"std {noise:.3g}{unit} of a measurement")
     if survey.threshold is not None:

@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 from maipp.errors import InputError
 from maipp.geo import Crs, GeoReference, unwrap, wrap
 from maipp.scenario import Scenario, ScenarioError
-from maipp.surveys.area import FreeSpace, free_space
+from maipp.surveys.area import FreeSpace, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
 from maipp.surveys.place import Place, PlaceNames, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
@@ -61,6 +61,12 @@ class PreparedSurvey:
     def make_planner(self) -> "Planner":
         """The planner, built for the scenario. Raises `InputError` for a planner or option that does not fit."""
         return build_planner(self.survey, self.scenario, self.planner, self.planner_options)
+
+    @property
+    def free_area(self) -> float:
+        """The area without its islands and no-go zones, before a strip along its borders is left out: true m2."""
+        outline, *closed = (Polygon(self.frame.to_plane(ring)) for ring in (self.area, *self.no_go))
+        return shapely.difference(outline, as_region(closed)).area
 
     @property
     def prior(self) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None:
