@@ -13,6 +13,7 @@ from maipp.benchmarks.cells import CELLS, Cell
 from maipp.benchmarks.table_rows import Row
 from maipp.benchmarks.table_run import Sample, cells, fill, read, share
 from maipp.errors import InputError
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 SAMPLE = Sample(instances=2, trials=2, seed=3)
@@ -106,7 +107,7 @@ def test_rows_that_lack_a_cell_are_left_out(every, filled, tiny_table, tmp_path)
 
 @given(st.integers(0, 60), st.integers(1, 9))
 def test_shares_cover_every_cell_once_and_evenly(count, processes):
-    every = [Cell(Row("one", "random"), Scenario(), 1, 1, seed, None) for seed in range(count)]
+    every = [Cell(Row("one", "random"), Scenario(), 1, 1, seed, shape_of(Scenario())) for seed in range(count)]
     shares = [share(every, process, processes) for process in range(processes)]
     assert sorted(one.seed for mine in shares for one in mine) == list(range(count))
     assert max(map(len, shares)) - min(map(len, shares)) <= 2

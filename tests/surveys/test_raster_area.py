@@ -54,7 +54,7 @@ def test_islands_lakes_on_them_and_touching_corners(tmp_path):
     parts = {}
     for below in (True, False):
         source = RasterArea(tmp_path / "rings.npz", None, 0.0, below, "m.yaml:1: area")
-        parts[below] = raster_polygons(source, geographic=False)
+        parts[below] = raster_polygons(source, load_area(source))
         assert all(part.is_valid for part in parts[below])
     wet, dry = (shapely.union_all(parts[below]) for below in (True, False))
     assert wet.area + dry.area == pytest.approx(39**2) and wet.intersection(dry).area == pytest.approx(0, abs=1e-9)

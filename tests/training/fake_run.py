@@ -82,8 +82,8 @@ class FakeWorlds:
 
 def fake_config(updates: int) -> TrainConfig:
     """One that evaluates every other update and saves after each."""
-    sizes = {"events": 2, "missions": 2, "minibatch": 4, "imitation": 0, "search": 0}
-    return TrainConfig(updates=updates, evaluate_every=2, checkpoint_seconds=1e-9, **sizes)
+    tiny = TrainConfig(events=2, missions=2, minibatch=4, imitation=0, search=0, updates=updates)
+    return tiny.replace(evaluate_every=2, checkpoint_seconds=1e-9)
 
 
 def die_before(operation: int, folder: str) -> None:

@@ -105,11 +105,11 @@ def test_by_hand_with_the_log_trace():
 
 def test_rewards():
     before, after = jnp.array([8.0, 4.0, 4.0, 0.0]), jnp.array([2.0, 4.0, 8.0, 0.0])
-    np.testing.assert_allclose(reward(CONFIG, before, after), np.log([4.0, 1.0, 0.5, 1.0]), atol=1e-6)
-    np.testing.assert_allclose(reward(PAPER, before, after), [0.75, 0.0, -1.0, 0.0], atol=1e-6)
-    np.testing.assert_allclose(final_reward(PAPER, before), [-0.16, -0.08, -0.08, 0.0], atol=1e-7)
-    np.testing.assert_array_equal(final_reward(CONFIG, before), np.zeros(4))
-    assert float(reward(CONFIG, jnp.float32(1.0), jnp.float32(0.0))) == pytest.approx(np.log(1e3), rel=1e-5)
+    np.testing.assert_allclose(reward(CONFIG.reward, before, after), np.log([4.0, 1.0, 0.5, 1.0]), atol=1e-6)
+    np.testing.assert_allclose(reward(PAPER.reward, before, after), [0.75, 0.0, -1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(final_reward(PAPER.reward, before), [-0.16, -0.08, -0.08, 0.0], atol=1e-7)
+    np.testing.assert_array_equal(final_reward(CONFIG.reward, before), np.zeros(4))
+    assert float(reward(CONFIG.reward, jnp.float32(1.0), jnp.float32(0.0))) == pytest.approx(np.log(1e3), rel=1e-5)
 
 
 def test_undiscounted_log_trace_rewards_sum_to_that_of_the_whole_mission():
