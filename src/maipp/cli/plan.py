@@ -118,6 +118,8 @@ def report(episode: "Episode", paths: list[Path]) -> None:
     scale, unit = there.metres_per_unit, " m"
     if scale is None:
         scale, unit = (there.length_scale, "") if episode.reference else (None, "")
+    elif max(agent.distance for agent in episode.agents) * scale >= 10_000:
+        scale, unit = scale / 1000, " km"
     lengths = [agent.distance * (scale or 1.0) for agent in episode.agents]
     distances = ", ".join(f"{length:.4g}" for length in lengths)
     if len(lengths) > 4:
