@@ -159,14 +159,17 @@ def reference(config: TrainConfig, stream: list[Event], agents: int) -> np.ndarr
 
 @st.composite
 def streams(draw, agents):
-    """Twelve decisions of missions one after the other: each agent decides until it stops, in any order."""
+    """Twelve decisions of missions one after the other: each agent decides until it stops, in any order.
+
+    Now and then the engine ends an agent that did not stop by itself: its record is full.
+    """
     stream, left = [], set(range(agents))
     for _ in range(12):
         agent = draw(st.sampled_from(sorted(left)))
-        stopped = draw(st.integers(0, 3)) == 0
-        left -= {agent} if stopped else set()
+        fate = draw(st.sampled_from(["on", "on", "stopped", "full"]))
+        left -= set() if fate == "on" else {agent}
         number = st.floats(-3, 3, width=32)
-        stream.append(Event(agent, draw(st.floats(0.5, 900, width=32)), draw(number), stopped, not left))
+        stream.append(Event(agent, draw(st.floats(0.5, 900, width=32)), draw(number), fate == "stopped", not left))
         left = left or set(range(agents))
     return stream
 

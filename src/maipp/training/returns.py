@@ -17,7 +17,7 @@ class Returns(NamedTuple):
 
     advantage: Float[Array, "t e"]
     target: Float[Array, "t e"]  # what the value should have been
-    valid: Bool[Array, "t e"]  # a choice was made, and the agent's next decision is known
+    valid: Bool[Array, "t e"]  # the agent's next decision is known, so it made a choice
 
 
 class _Next(NamedTuple):
@@ -38,12 +38,12 @@ def returns(config: TrainConfig, transitions: Transition, agents: int) -> Return
 
     def back(after: _Next, event: tuple[Array, ...]) -> tuple[_Next, tuple[Array, ...]]:
         agent, trace, value, stopped, ended = event
-        # Whoever comes later in this slot belongs to another mission.
+        # Whoever comes later in this slot belongs to another mission; so an agent that stopped has no next decision.
         after = jax.tree.map(lambda a: jnp.where(ended, jnp.zeros_like(a), a), after)
         known = after.known[agent]
         gain = reward(config.reward, trace, after.trace[agent]) + config.discount * after.value[agent] - value
         advantage = gain + config.discount * config.trace_decay * after.advantage[agent]
-        advantage = jnp.where(known & ~stopped, advantage, 0.0)
+        advantage = jnp.where(known, advantage, 0.0)
         worth = jnp.where(stopped, final_reward(config.reward, trace), value)
         here = jnp.arange(agents) == agent
         after = _Next(
@@ -52,7 +52,7 @@ def returns(config: TrainConfig, transitions: Transition, agents: int) -> Return
             value=jnp.where(here, worth, after.value),
             advantage=jnp.where(here, advantage, after.advantage),
         )
-        return after, (advantage, value + advantage, known & ~stopped)
+        return after, (advantage, value + advantage, known)
 
     def mission(agent: Array, trace: Array, value: Array, stopped: Array, ended: Array) -> tuple[Array, ...]:
         nothing = _Next(jnp.zeros(agents, bool), *(jnp.zeros(agents, value.dtype) for _ in range(3)))
