@@ -3,8 +3,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from maipp.engine.polyline import shortened
 from maipp.live.detour import keep_out
-from maipp.live.robots import cut
 from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario
 
@@ -45,6 +45,6 @@ def test_no_leg_crosses_a_zone_but_to_leave_it(x, y, to_x, to_y):
 @given(length=st.floats(0, 3))
 def test_cut_to_a_length(length):
     line = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    kept = cut(line, length)
+    kept = shortened(line, length)
     assert np.hypot(*np.diff(kept, axis=0).T).sum() == pytest.approx(min(length, 2.0))
     np.testing.assert_array_equal(kept[0], line[0])

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.live.robots import GONE, STOPPED, TRAVELLING, Robot, along
+from maipp.engine.polyline import place_at
+from maipp.live.robots import GONE, STOPPED, TRAVELLING, Robot
 
 BENT = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1]])
 
@@ -91,7 +92,7 @@ def test_what_is_left_to_the_next_measurement_is_within_an_interval(ways, odomet
 
 @given(distance=st.floats(0, 1))
 def test_along_a_bent_way(distance):
-    x, y = along(BENT, distance)
+    x, y = place_at(BENT, distance)
     assert (x, y) == pytest.approx((min(distance, 0.2), min(max(distance - 0.2, 0.0), 0.1)))
 
 

@@ -1,8 +1,12 @@
-"""Legs: polylines that an agent travels from one decision to the next."""
+"""Polylines: legs that agents travel, paths that they may travel, in compiled code and on the host (Shapely)."""
 
 import jax.numpy as jnp
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point
+from shapely.ops import substring
 
-from maipp.typing import Array, Extent, Float
+from maipp.typing import Array, Extent, Float, Real
 
 
 def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float[Array, "... 2"]:
@@ -29,3 +33,48 @@ def cut_leg(
     lengths = jnp.cumsum(jnp.sqrt(jnp.sum((planned[1:] - planned[:-1]) ** 2, axis=-1)))
     reach = jnp.minimum(lengths, remaining)
     return jnp.concatenate([position[None], along(planned, reach)]), reach
+
+
+def along_paths(
+    start: Float[Array, "2"], waypoints: Float[Array, "*c w 2"], offsets: Float[Array, " h"]
+) -> tuple[Float[Array, "*c h 2"], Float[Array, "*c"]]:
+    """Points at the given distances along each path from `start`, clamped to its end, and the paths' lengths."""
+    origin = jnp.broadcast_to(start, (*waypoints.shape[:-2], 1, 2))
+    vertices = jnp.concatenate([origin, waypoints], axis=-2)
+    edges = vertices[..., 1:, :] - vertices[..., :-1, :]
+    squared = jnp.sum(edges * edges, axis=-1)
+    # sqrt has an infinite slope at zero: an edge of length zero (a repeated waypoint) passes no gradient.
+    lengths = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+    points = jnp.broadcast_to(origin, (*waypoints.shape[:-2], offsets.shape[0], 2))
+    done = jnp.zeros(lengths.shape[:-1], lengths.dtype)
+    for i in range(lengths.shape[-1]):
+        share = jnp.clip((offsets - done[..., None]) / jnp.maximum(lengths[..., i, None], 1e-12), 0.0, 1.0)
+        points = points + share[..., None] * edges[..., i, None, :]
+        done = done + lengths[..., i]
+    return points, done
+
+
+def first_part(start: Float[Array, "2"], path: Float[Array, "w 2"], length: Real) -> Float[Array, "w 2"]:
+    """The path's waypoints, cut where it is `length` long (domain units)."""
+    whole = jnp.concatenate([start[None], path])
+    reach = jnp.cumsum(jnp.sqrt(jnp.sum((whole[1:] - whole[:-1]) ** 2, axis=-1)))
+    return along(whole, jnp.minimum(reach, length))
+
+
+def place_at(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarray, "2"]:
+    """The point at a distance along a polyline on the host; its end where it is shorter."""
+    if len(polyline) == 1:
+        return polyline[0]
+    return shapely.get_coordinates(shapely.line_interpolate_point(LineString(polyline), distance))[0]
+
+
+def shortened(polyline: Float[np.ndarray, "v 2"], length: float) -> Float[np.ndarray, "w 2"]:
+    """The polyline on the host as far as it is not longer than `length` (> 0)."""
+    line = LineString(polyline)
+    return polyline if line.length <= length else shapely.get_coordinates(substring(line, 0.0, length))
+
+
+def followed(polyline: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"]) -> float:
+    """Length of the way along a polyline on the host to its point nearest to a position, and on to the position."""
+    point, line = Point(position), LineString(polyline if len(polyline) > 1 else np.repeat(polyline, 2, axis=0))
+    return float(line.project(point) + line.distance(point))

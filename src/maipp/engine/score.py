@@ -79,28 +79,46 @@ def interest_of(scenario: ScenarioLike) -> Interest:
     return Interest(scenario.threshold, scenario.beta, scenario.interest_rule)
 
 
+class Standing(eqx.Module):
+    """How a survey stands that knows some of its measurements: the one place where beliefs are scored."""
+
+    mean: Float[Array, " q"]  # on the evaluation grid
+    variance: Float[Array, " q"]
+    trace: Float[Array, ""]  # as in `Metrics`
+    true_trace: Float[Array, ""]
+    rmse: Float[Array, ""]
+
+
+def standing(mission: Mission, moments: Moments, known: Bool[Array, "m s"]) -> Standing:
+    """How an unbatched mission stands with these measurements; `moments` are those of its state."""
+    mean, variance = moments(known)
+    high = (mission.truth >= mission.params.threshold) & mission.inside
+    return Standing(
+        mean=mean,
+        variance=variance,
+        trace=interest_of(mission.problem).trace(mean, variance, mission.inside),
+        true_trace=trace(variance, high),
+        rmse=rmse(mean, mission.truth, mission.inside),
+    )
+
+
 def _score(mission: Mission, state: State) -> Metrics:
     """Metrics of one unbatched mission."""
-    interest = interest_of(mission.problem)
-    moments = moments_of(mission, state)
-    mean, variance = moments(taken_by(state))
-    final = interest.trace(mean, variance, mission.inside)
-    there = mission.params.present
+    moments, there = moments_of(mission, state), mission.params.present
+    final = standing(mission, moments, taken_by(state))
 
-    def own(known: Bool[Array, "m s"]) -> Float[Array, ""]:
-        return interest.trace(*moments(known), mission.inside)
-
+    own = lax.map(lambda known: standing(mission, moments, known).trace, state.known)
     left = mission.params.budgets - state.odometer
     return Metrics(
-        trace=final,
-        own_trace=jnp.sum(jnp.where(there, lax.map(own, state.known), 0.0)) / jnp.sum(there),
-        true_trace=trace(variance, (mission.truth >= mission.params.threshold) & mission.inside),
-        rmse=rmse(mean, mission.truth, mission.inside),
+        trace=final.trace,
+        own_trace=jnp.sum(jnp.where(there, own, 0.0)) / jnp.sum(there),
+        true_trace=final.true_trace,
+        rmse=final.rmse,
         distance=jnp.sum(state.odometer),
-        decisions=state.events.astype(final.dtype),
+        decisions=state.events.astype(own.dtype),
         unspent=jnp.sum(jnp.where(there & (left > DISTANCE_TOLERANCE), left, 0.0)) / jnp.sum(there),
-        not_finite=jnp.sum(state.stopped_by == NOT_FINITE).astype(final.dtype),
-        record_full=jnp.sum(state.stopped_by == RECORD_FULL).astype(final.dtype),
+        not_finite=jnp.sum(state.stopped_by == NOT_FINITE).astype(own.dtype),
+        record_full=jnp.sum(state.stopped_by == RECORD_FULL).astype(own.dtype),
     )
 
 
@@ -124,9 +142,5 @@ def _score_missions(missions: Mission, states: State) -> Metrics:
 @eqx.filter_jit
 def trace_over_time(mission: Mission, state: State, times: Float[Array, " t"]) -> Float[Array, " t"]:
     """Tr(P) of the pooled belief of one mission at each time."""
-    interest, moments = interest_of(mission.problem), moments_of(mission, state)
-
-    def at(time: Float[Array, ""]) -> Float[Array, ""]:
-        return interest.trace(*moments(taken_by(state, time)), mission.inside)
-
-    return lax.map(at, times)
+    moments = moments_of(mission, state)
+    return lax.map(lambda time: standing(mission, moments, taken_by(state, time)).trace, times)

@@ -8,10 +8,11 @@ import numpy as np
 
 from maipp.engine.decide import Departure, decide
 from maipp.engine.decision import Knowledge
+from maipp.engine.polyline import place_at, shortened
 from maipp.live.detour import keep_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
-from maipp.live.robots import GONE, Robot, along, cut
+from maipp.live.robots import GONE, Robot
 from maipp.live.world import World
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
@@ -110,10 +111,10 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     leg = keep_out(scenario, planned_leg, nodes)
     if leg is None:
         return Made("no-go", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
-    leg = cut(leg, robot.budget - arrival.odometer)
+    leg = shortened(leg, robot.budget - arrival.odometer)
     length, interval = float(np.hypot(*np.diff(leg, axis=0).T).sum()), scenario.measurement_interval
     places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
-    measure = np.array([along(leg, float(place)) for place in places]).reshape(-1, 2)
+    measure = np.array([place_at(leg, float(place)) for place in places]).reshape(-1, 2)
     planned = arrival.odometer + float(places[-1]) if len(places) else robot.planned
     return Made(None, leg, measure, planned, arrival.time + length / robot.speed, outcome.message, outcome.memory)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from maipp.engine.polyline import followed, place_at
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
 
@@ -55,7 +56,7 @@ class Robot:
 
     def where(self, time: float) -> Float[np.ndarray, "2"]:
         """Where it probably is: on the way it was told, at its usual speed."""
-        return along(self.leg, max(time - self.time, 0.0) * self.speed)
+        return place_at(self.leg, max(time - self.time, 0.0) * self.speed)
 
     def travelled(self, position: Float[np.ndarray, "2"], told: float | None) -> float:
         """Way travelled on arrival at a position: what the odometer says, else along the leg as far as it was followed.
@@ -64,7 +65,7 @@ class Robot:
         """
         if told is not None:
             return max(told, self.odometer)
-        return self.odometer + _followed(self.leg, position)
+        return self.odometer + followed(self.leg, position)
 
     def to_next_measurement(self, time: float, odometer: float, interval: float) -> float:
         """Way until it is to measure again, in (0, interval], counted from where it last did, or was to."""
@@ -124,35 +125,3 @@ class Robot:
     def note_measurement(self, time: float, travelled: float | None) -> None:
         """Remember that it measured."""
         insort(self.measured, (time, -1.0 if travelled is None else travelled))
-
-
-def along(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarray, "2"]:
-    """The point at a distance along a polyline; its end where it is shorter."""
-    for a, b in zip(polyline[:-1], polyline[1:], strict=True):
-        length = float(np.hypot(*(b - a)))
-        if distance < length:
-            return a + (b - a) * (distance / length)
-        distance -= length
-    return polyline[-1]
-
-
-def cut(polyline: Float[np.ndarray, "v 2"], length: float) -> Float[np.ndarray, "w 2"]:
-    """The polyline as far as it is not longer than `length`."""
-    marks = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(polyline, axis=0).T))])
-    if marks[-1] <= length:
-        return polyline
-    return np.concatenate([polyline[marks < length], along(polyline, length)[None]])
-
-
-def _followed(leg: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"]) -> float:
-    """Length of the way along a leg to its point nearest to a position, and on to the position."""
-    best, length = float(np.hypot(*(position - leg[0]))), 0.0
-    best_way = best
-    for a, b in zip(leg[:-1], leg[1:], strict=True):
-        step = float(np.hypot(*(b - a)))
-        share = min(max(float((position - a) @ (b - a)) / max(step**2, 1e-12), 0.0), 1.0)
-        off = float(np.hypot(*(position - (a + share * (b - a)))))
-        if off < best:
-            best, best_way = off, length + share * step + off
-        length += step
-    return best_way

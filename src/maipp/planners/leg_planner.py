@@ -7,16 +7,17 @@ from jax.scipy.special import ndtr
 from maipp.belief import Belief
 from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.decision import Observation, option
+from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
 from maipp.planners.detour import long_run
 from maipp.planners.first_leg import FirstLeg, depart, either, length
 from maipp.planners.headings import bend, walk, walk_bent
-from maipp.planners.lookahead import along_paths, predicted
+from maipp.planners.lookahead import predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
 from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
-from maipp.planners.transit import best_transit, first_part
+from maipp.planners.transit import best_transit
 from maipp.typing import Array, Bool, Float, Int, Key, Real
 
 # Width of the border of the area by which grid points are picked for the search, field units.

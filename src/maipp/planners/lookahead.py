@@ -22,25 +22,6 @@ def measurement_offsets(to_next: Float[Array, ""], interval: Real, count: int) -
     return to_next + interval * jnp.arange(count)
 
 
-def along_paths(
-    start: Float[Array, "2"], waypoints: Float[Array, "*c w 2"], offsets: Float[Array, " h"]
-) -> tuple[Float[Array, "*c h 2"], Float[Array, "*c"]]:
-    """Points at the given distances along each path from `start`, clamped to its end, and the paths' lengths."""
-    origin = jnp.broadcast_to(start, (*waypoints.shape[:-2], 1, 2))
-    vertices = jnp.concatenate([origin, waypoints], axis=-2)
-    edges = vertices[..., 1:, :] - vertices[..., :-1, :]
-    squared = jnp.sum(edges * edges, axis=-1)
-    # sqrt has an infinite slope at zero: an edge of length zero (a repeated waypoint) passes no gradient.
-    lengths = jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
-    points = jnp.broadcast_to(origin, (*waypoints.shape[:-2], offsets.shape[0], 2))
-    done = jnp.zeros(lengths.shape[:-1], lengths.dtype)
-    for i in range(lengths.shape[-1]):
-        share = jnp.clip((offsets - done[..., None]) / jnp.maximum(lengths[..., i, None], 1e-12), 0.0, 1.0)
-        points = points + share[..., None] * edges[..., i, None, :]
-        done = done + lengths[..., i]
-    return points, done
-
-
 class VirtualMeasurements(NamedTuple):
     """Candidate measurements as rows appended to a belief; candidates c, measurements h each, query points q."""
 

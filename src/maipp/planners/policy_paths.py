@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief import Belief
-from maipp.planners.lookahead import along_paths, predicted_variance
+from maipp.engine.polyline import along_paths
+from maipp.planners.lookahead import predicted_variance
 from maipp.planners.policy_view import PolicyView, policy_view
 from maipp.planners.rendezvous import Rendezvous
 from maipp.planners.roadmap_step import edges

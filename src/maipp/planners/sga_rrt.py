@@ -10,13 +10,14 @@ from jax import lax
 
 from maipp.belief import Belief, to_rank
 from maipp.engine.decision import Decision, Observation, PyTree, option
+from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.detour import long_run
 from maipp.planners.free_run import free_share
-from maipp.planners.lookahead import along_paths, measurement_offsets, predicted_trace
+from maipp.planners.lookahead import measurement_offsets, predicted_trace
 from maipp.planners.plane_planner import PlanePlanner
-from maipp.planners.transit import best_transit, first_part
+from maipp.planners.transit import best_transit
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Extent, Float, Int, Key

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.engine.polyline import along
 from maipp.planners.detour import sight, waypoints, ways_from
 from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Float, Point, Real
@@ -49,10 +48,3 @@ def best_transit(
     chosen = jnp.argmax(rate)
     distance = jnp.where(in_reach[best[chosen]], length[chosen], jnp.inf)
     return Transit(waypoints(zones, ways, best[chosen]), distance, rate[chosen])
-
-
-def first_part(start: Point, path: Float[Array, "w 2"], length: Real) -> Float[Array, "w 2"]:
-    """The path's waypoints, cut where it is `length` long (domain units)."""
-    whole = jnp.concatenate([start[None], path])
-    reach = jnp.cumsum(jnp.sqrt(jnp.sum((whole[1:] - whole[:-1]) ** 2, axis=-1)))
-    return along(whole, jnp.minimum(reach, length))

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from maipp.belief import Matern32, rmse
+from maipp.belief import Matern32
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
-from maipp.engine.score import interest_of, pooled_belief
+from maipp.engine.score import Standing, moments_of, standing, taken_by
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
@@ -153,25 +153,22 @@ def outcomes(missions: Mission, states: State) -> Outcome:
 
 
 def _outcome(mission: Mission, state: State) -> Outcome:
-    interest, threshold = interest_of(mission.problem), mission.params.threshold
-    high = mission.truth >= threshold
+    moments, threshold = moments_of(mission, state), mission.params.threshold
 
-    def measures(time: float) -> tuple[Array, Array, Array]:
-        belief = pooled_belief(mission, state, time)
-        area = area_found(high, belief.mean >= threshold, mission.inside)
-        found = jnp.asarray(area.both / area.true)  # NaN where there is none
-        trace = interest.trace(belief.mean, belief.variance, mission.inside)
-        return trace, rmse(belief.mean, mission.truth, mission.inside), found
+    def at(time: float) -> tuple[Standing, Array]:
+        then = standing(mission, moments, taken_by(state, time))
+        area = area_found(mission.truth >= threshold, then.mean >= threshold, mission.inside)
+        return then, jnp.asarray(area.both / area.true)  # NaN where there is none
 
-    before, after = measures(-1.0), measures(jnp.inf)
+    (before, found_before), (after, found) = at(-1.0), at(jnp.inf)
     reached = jnp.where(jnp.isfinite(state.route_time), state.route_time, 0.0)
     return Outcome(
-        trace=after[0],
-        trace_before=before[0],
-        rmse=after[1],
-        rmse_before=before[1],
-        found=after[2],
-        found_before=before[2],
+        trace=after.trace,
+        trace_before=before.trace,
+        rmse=after.rmse,
+        rmse_before=before.rmse,
+        found=found,
+        found_before=found_before,
         distance=jnp.sum(state.odometer),
         longest=jnp.max(reached),
     )

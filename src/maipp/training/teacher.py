@@ -7,9 +7,10 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief
 from maipp.engine.decision import Observation
+from maipp.engine.polyline import along_paths
 from maipp.planners.headings import walk
 from maipp.planners.leg_planner import LegPlanner
-from maipp.planners.lookahead import along_paths, measurement_offsets
+from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.policy_view import PolicyView
 from maipp.problem import ScenarioLike
 from maipp.scenario import DISTANCE_TOLERANCE
