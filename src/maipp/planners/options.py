@@ -111,9 +111,16 @@ def expected(annotation: Any) -> str:
     if origin is tuple:
         open_ended = arguments[-1:] == (Ellipsis,)
         items = (arguments[0],) * 2 if open_ended else arguments
-        example = ",".join(_EXAMPLES.get(item, (str(item),) * 2)[i % 2] for i, item in enumerate(items))
+        example = ",".join(_example(item, i % 2) for i, item in enumerate(items))
         return f"a list such as {example}" if open_ended else f"{len(items)} values such as {example}"
     return f"a {getattr(annotation, '__name__', annotation)} (from Python)"
+
+
+def _example(annotation: Any, which: int) -> str:
+    """A value that fits an item of a list."""
+    if typing.get_origin(annotation) in (Union, types.UnionType):
+        return "none" if type(None) in typing.get_args(annotation) else _example(typing.get_args(annotation)[0], which)
+    return _EXAMPLES.get(annotation, (str(annotation),) * 2)[which]
 
 
 def _convert(annotation: Any, value: object) -> Any:
