@@ -66,7 +66,7 @@ def test_smoke_learns_from_missions_of_different_numbers():
         ("length_scale: [0.8, 0.2]", "length_scale: \\[0.8, 0.2\\]; give \\[low, high\\] with low <= high"),
         ("length_scale: [0.0, 0.2]", "length_scale: 0.0 is not a length scale; give a length > 0"),
         ("threshold: [0.1, 0.2, 0.3]", "threshold: .* does not fit; give a number or 2 values"),
-        ("comm_range: [null, 0.3]", "comm_range: \\[none, 0.3\\]; give the shorter range first"),
+        ("comm_range: [null, 0.3]", "comm_range: \\[None, 0.3\\] does not fit"),
         ("comm_range: [far, 0.3]", "does not fit; give a number or 2 values such as 0.3,none or none"),
         ("team: [2, 4]", "team: \\[2, 4\\]; give \\[fewest, most\\] with 1 <= fewest <= most <= agents, 3"),
         ("team: [0, 2]", "team: \\[0, 2\\]; give"),
@@ -76,6 +76,11 @@ def test_what_is_no_range_is_told(text, says):
     with pytest.raises(InputError, match=says) as caught:
         parse_config(text, source="own.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_the_shorter_range_comes_first():
+    with pytest.raises(InputError, match="comm_range: \\[none, 0.3\\]; give the shorter range first"):
+        TrainConfig(comm_range=(None, 0.3))  # type: ignore[arg-type]  # as people write it
 
 
 def test_ranges_are_read_and_written():
