@@ -78,11 +78,6 @@ def test_what_is_no_range_is_told(text, says):
     assert "\n" not in str(caught.value)
 
 
-def test_the_shorter_range_comes_first():
-    with pytest.raises(InputError, match="comm_range: \\[none, 0.3\\]; give the shorter range first"):
-        TrainConfig(comm_range=(None, 0.3))  # type: ignore[arg-type]  # as people write it
-
-
 def test_ranges_are_read_and_written():
     config = override(TrainConfig(), ["length_scale=0.2,0.8", "comm_range=0.3,none", "threshold=0.5", "team=1,3"])
     assert config.length_scale == (0.2, 0.8) and config.comm_range == (0.3, None) and config.team == (1, 3)
