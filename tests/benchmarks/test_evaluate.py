@@ -62,7 +62,7 @@ def test_another_budget_meets_the_same_worlds(monkeypatch):
 def test_missions_kept_from_another_planner_have_the_encodings_that_this_one_reads(monkeypatch):
     drawn = []
 
-    def ended(scenario, planner, missions, key, *, first=0):
+    def ended(planner, missions, key, *, first=0):
         """How the missions end is not asked here: as those of another planner do."""
         drawn.append(missions.roadmap.encoding)
         return run_missions(make_planner("greedy", SCENARIO), missions, key, first=first)

@@ -96,7 +96,10 @@ def test_progress_is_a_line_now_and_then(tmp_path):
 def test_smoke_runs_start_to_finish_and_improves_on_its_start(tmp_path):
     out = tmp_path / "smoke"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    # One kind of mission, so that 30 updates can show a gain; tests/training/test_ranges.py has the ranges.
+    same = "team=none budget=2,2 length_scale=0.45 threshold=0.4 beta=1 noise=1e-6 measurement_interval=0.2 speed=1"
     arguments = [sys.executable, "-m", "maipp", "train", "--config", "smoke", "--out", str(out)]
+    arguments += ["--set", *same.split(), "comm_range=none"]
     done = subprocess.run(arguments, env=environment, timeout=900, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]

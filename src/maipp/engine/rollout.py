@@ -242,13 +242,16 @@ def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep |
     most = _MOST_ROOM * capacity
     done = _run_some(planner, missions, None, keys, capacity, keep)
     while (rest := np.flatnonzero(np.asarray(done[0].full).any(axis=-1))).size:
+        # Through the host: few missions may run on fewer devices than all of them did.
+        done = jax.tree.map(jnp.asarray, jax.device_get(done))
         some, begun, more = jax.tree.map(lambda a: a[rest], (missions, done, keys))
         if capacity < most:
             capacity = min(4 * capacity, most)
             begun = _with_room(begun, capacity)
         else:
             begun = _stopped_short(begun[0]), begun[1]
-        done = _put_back(done, rest, _run_some(planner, some, begun, more, capacity, keep))
+        longer = jax.device_get(_run_some(planner, some, begun, more, capacity, keep))
+        done = _put_back(done, rest, longer)
     return done
 
 

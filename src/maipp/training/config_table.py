@@ -18,6 +18,7 @@ MEANINGS = {
     "seed": "of everything random: first weights, worlds, steps, shuffling",
     "agents": "robots that there is room for",
     "team": "`[fewest, most]` robots that take part, drawn for each mission; none: all `agents`",
+    "budget": "each mission's budget is drawn uniformly from this range, domain units",
     "length_scale": "length scale of the belief's kernel, domain units; this and the next six: a number, or "
     "`[low, high]`, from which each mission's is drawn uniformly",
     "threshold": "of the high-interest area, normalised field units",
@@ -27,7 +28,6 @@ MEANINGS = {
     "speed": "domain units per unit of time; drawn for each robot",
     "comm_range": "farthest distance at which robots hear each other, domain units; none: any. Of a range such as "
     "`[0.3, none]` the inverse is drawn uniformly",
-    "budget": "each mission's budget is drawn uniformly from this range, domain units",
     "bank": "teams of roadmaps drawn beforehand; each is met in the 8 symmetries of the square",
     "shards": "parts that the missions are split into; devices and processes share them evenly",
     "missions": "missions that each shard steps together",
