@@ -118,7 +118,7 @@ def test_missions_run_on_all_devices_of_a_process_that_asked_for_them(call, devi
     from maipp.engine import draw_missions, run_missions
     scenario = Scenario(agents=2, budget=0.6, grid=8, nodes=20, neighbours=5)
     missions = draw_missions(scenario, seed=0, instances=4)
-    states = run_missions(scenario, Greedy(scenario), missions, jax.random.key(0))
+    states = run_missions(Greedy(scenario), missions, jax.random.key(0))
     assert not states.active.any()
     assert len(states.route.sharding.device_set) == {devices}
     """

@@ -1,7 +1,6 @@
 """Tr(P) as a function of the distance that each agent has travelled."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -46,7 +45,7 @@ def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> C
     return Curve(row, distance, np.asarray(traces, np.float64))
 
 
-@partial(jax.jit, static_argnums=0)
+@jax.jit
 def _traces(missions: Mission, states: State, times: Float[Array, " d"]) -> Float[Array, "instances d"]:
     return lax.map(lambda pair: trace_over_time(pair[0], pair[1], times), (missions, states))
 
