@@ -26,12 +26,29 @@ class DecisionTime(NamedTuple):
 def event_halves(planner: Planner) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """One event in two compiled halves: what the due agent computes, and what the engine does with it.
 
-    The first takes mission, state and key, the second mission and what the first gave.
+    The first takes mission, state and key, the second mission and what the first gave. Planners of one kind with the
+    same options share both, whatever their numbers and weights.
     """
-    arrays, static = eqx.partition(planner, eqx.is_array)
-    decide = jax.jit(lambda arrays, *inputs: due_decision(eqx.combine(arrays, static), *inputs))
-    proceed = jax.jit(lambda arrays, *inputs: advance(eqx.combine(arrays, static), *inputs))
-    return partial(decide, arrays), partial(proceed, arrays)
+    leaves, structure = jax.tree.flatten(planner)
+    arrays = [leaf if eqx.is_array(leaf) else None for leaf in leaves]
+    static = structure, tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+    return partial(_decide, static, arrays), partial(_proceed, static, arrays)
+
+
+def _joined(static: tuple[Any, tuple[Any, ...]], arrays: list[Any]) -> Planner:
+    """The planner that `event_halves` took apart."""
+    structure, others = static
+    return jax.tree.unflatten(structure, [b if a is None else a for a, b in zip(arrays, others, strict=True)])
+
+
+@partial(jax.jit, static_argnums=0)
+def _decide(static: Any, arrays: list[Any], *inputs: Any) -> Any:
+    return due_decision(_joined(static, arrays), *inputs)
+
+
+@partial(jax.jit, static_argnums=0)
+def _proceed(static: Any, arrays: list[Any], *inputs: Any) -> Any:
+    return advance(_joined(static, arrays), *inputs)
 
 
 def first_decision_seconds(
