@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString
 
 from maipp.belief import Interest, Matern32, condition, predict
+from maipp.engine.polyline import along_paths
 from maipp.planners.lookahead import (
-    along_paths,
     measurement_offsets,
     predicted_trace,
     predicted_variance,
