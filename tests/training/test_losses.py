@@ -229,10 +229,10 @@ def test_a_phase_tells_what_means_something_in_it(phase, own):
 
 @pytest.mark.parametrize("phase", ["reinforce", "imitate", "search"])
 def test_the_gradient_reaches_all_of_the_network(phase):
-    """Along the gradient g the loss changes by |g| per unit, as differences of the loss itself say.
+    """Along any direction d of unit length the loss changes by g . d per unit, as differences of the loss itself say.
 
     The step of 1e-2 changes a loss of order 1 by about 1e-2: float32 rounds the difference to 1e-5 of that, the third
-    derivative adds 1e-4 of it.
+    derivative adds 1e-4 of it. A random direction, unlike that of g, sees a part of the loss that g leaves out.
     """
     network = PolicyNetwork(jax.random.key(5), width=8, heads=2, encoding_dimensions=ENCODINGS)
     config = TrainConfig(entropy=0.05)
@@ -245,10 +245,20 @@ def test_the_gradient_reaches_all_of_the_network(phase):
         elites=two_paths() if phase == "search" else None,
     )
     _, _, gradient = slope(config, network, of, phase)
-    size = np.sqrt(sum(float(jnp.sum(leaf**2)) for leaf in jax.tree.leaves(gradient)))
     assert all(np.any(leaf) for leaf in jax.tree.leaves(gradient.embed))  # the first layer, too
 
-    def along(step):
-        return float(slope(config, jax.tree.map(lambda w, g: w + step * g / size, network, gradient), of, phase)[0])
+    def dot(a, b):
+        return sum(float(jnp.sum(x * y)) for x, y in zip(*map(jax.tree.leaves, (a, b)), strict=True))
 
-    assert (along(1e-2) - along(-1e-2)) / 2e-2 == pytest.approx(size, rel=1e-2)
+    def along(direction, step):
+        return float(slope(config, jax.tree.map(lambda w, d: w + step * d, network, direction), of, phase)[0])
+
+    leaves, structure = jax.tree.flatten(network)
+    draw = np.random.default_rng(6).normal
+    for _ in range(3):
+        random = jax.tree.unflatten(structure, [jnp.asarray(draw(size=leaf.shape), leaf.dtype) for leaf in leaves])
+        size = np.sqrt(dot(random, random))
+        direction = jax.tree.map(lambda d, size=size: d / size, random)
+        expected = dot(gradient, direction)
+        difference = (along(direction, 1e-2) - along(direction, -1e-2)) / 2e-2
+        assert difference == pytest.approx(expected, abs=1e-2 * np.sqrt(dot(gradient, gradient) / 100))
