@@ -30,6 +30,23 @@ install_import_hook("maipp", "beartype.beartype")
 
 TINY = {"agents": 2, "grid": 8, "nodes": 12, "neighbours": 4, "measurement_interval": 1.0}
 
+# Every planner, with options that compile quickly.
+_SEARCH = {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}
+_PATHS = {"weights": "untrained", "paths": 2, "steps": 2}
+TINY_PLANNERS = {
+    "random": {},
+    "greedy": {},
+    "shared-greedy": {},
+    "lawnmower": {},
+    "sga-rrt": {"nodes": 8, "lengths": (0.2, 0.3)},
+    "receding-horizon": _SEARCH,
+    "sga-catnipp": {"weights": "untrained"},
+    "di": _PATHS,
+    "ti": _PATHS,
+    "ti-star": _PATHS,
+    "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
+}
+
 # No deadline: the first example of a test pays for compilation.
 settings.register_profile("maipp", deadline=None, max_examples=50, derandomize="CI" in os.environ)
 settings.load_profile("maipp")
@@ -44,6 +61,12 @@ def _room_for_compiled_code():
     if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
         jax.clear_caches()
     yield
+
+
+@pytest.fixture(params=TINY_PLANNERS)
+def tiny_planner(request):
+    """The name of every planner in turn, and options for it."""
+    return request.param, TINY_PLANNERS[request.param]
 
 
 @pytest.fixture(scope="session")

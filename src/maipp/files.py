@@ -13,6 +13,21 @@ from maipp.errors import InputError
 _STAGE = ".maipp-"  # how the names of temporary folders begin
 
 
+def read_text(path: str | os.PathLike[str], what: str, give: str) -> str:
+    """The text of a UTF-8 file, without a byte order mark.
+
+    Raises `InputError` where it is none or cannot be read; `what` says what it holds, `give` what would be right.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the {what}: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give {give}") from None
+    except ValueError:  # a NUL in the name
+        raise InputError(f"{str(path)!r}: not the name of a file") from None
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path`, with its suffix, that replaces it when the block ends without an error.

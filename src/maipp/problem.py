@@ -32,7 +32,7 @@ class Shape:
     virtual_value: str
     last_leg: str
     limited: bool  # whether the range of any radio may be limited
-    has_zones: bool  # whether there may be no-go zones
+    has_zones: bool  # whether there are no-go zones
     finest_interval: float  # shortest measurement interval that look-aheads have room for, domain units
     usual_edge: float  # length of a roadmap's edge that they have room for, domain units
 
@@ -44,7 +44,7 @@ def shape_of(scenarios: Scenario | Sequence[Scenario], *, slots: int | None = No
     """
     rows = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
     first = rows[0]
-    for name in ("agents", "grid", "nodes", "neighbours", "belief_capacity", *_RULES):
+    for name in ("agents", "grid", "nodes", "neighbours", "belief_capacity", "has_zones", *_RULES):
         values = {getattr(each, name) for each in rows}
         if len(values) > 1:
             raise InputError(
@@ -62,7 +62,7 @@ def shape_of(scenarios: Scenario | Sequence[Scenario], *, slots: int | None = No
         belief_capacity=first.belief_capacity,
         **{name: getattr(first, name) for name in _RULES},
         limited=any(each.limited for each in rows),
-        has_zones=any(each.has_zones for each in rows),
+        has_zones=first.has_zones,
         finest_interval=min(each.finest_interval for each in rows),
         usual_edge=max(each.usual_edge for each in rows),
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
-from maipp.files import write_atomic
+from maipp.files import read_text, write_atomic
 from maipp.scenario import Scenario, ScenarioError, describe_fields
 from maipp.yaml_text import dump_yaml, read_pairs
 
@@ -17,13 +17,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     A relative `field` is taken from the file's folder.
     Raises `InputError` with the file, the line and the key of what is wrong.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the scenario: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give a YAML file") from None
-    return parse_scenario(text, source=str(path), folder=os.path.dirname(path))
+    return parse_scenario(read_text(path, "scenario", "a YAML file"), source=str(path), folder=os.path.dirname(path))
 
 
 def parse_scenario(text: str, *, source: str = "scenario", folder: str | None = None) -> Scenario:

@@ -23,38 +23,19 @@ SCENARIOS = [
     )
 ]
 SHAPE = shape_of(SCENARIOS)
-_SEARCH = {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}
-_PATHS = {"weights": "untrained", "paths": 2, "steps": 2}
-PLANNERS = {
-    "random": {},
-    "greedy": {},
-    "shared-greedy": {},
-    "lawnmower": {},
-    "sga-rrt": {"nodes": 8, "lengths": (0.2, 0.3)},
-    "receding-horizon": _SEARCH,
-    "sga-catnipp": {"weights": "untrained"},
-    "di": _PATHS,
-    "ti": _PATHS,
-    "ti-star": _PATHS,
-    "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
-}
 
 
-@pytest.mark.parametrize("name", PLANNERS)
-def test_budgets_ranges_length_scales_and_thresholds_compile_once(name, monkeypatch):
+def test_budgets_ranges_length_scales_and_thresholds_compile_once(tiny_planner, monkeypatch):
+    name, options = tiny_planner
     kind, traced, scored = planner_class(name), [], []
     decide, score = kind.decide, scores._score
     monkeypatch.setattr(kind, "decide", lambda *args: traced.append(1) or decide(*args))
     monkeypatch.setattr(scores, "_score", lambda *args: scored.append(1) or score(*args))
     # All of them for the cheapest; for the others the first, the last, and those that differ from them in one number.
     some = SCENARIOS if name == "shared-greedy" else [*SCENARIOS[:5], SCENARIOS[12], *SCENARIOS[-2:]]
-    evaluations = [
-        evaluate(one, name, PLANNERS[name], instances=1, trials=1, timing=False, shape=SHAPE) for one in some[:1]
-    ]
+    evaluations = [evaluate(one, name, options, instances=1, trials=1, timing=False, shape=SHAPE) for one in some[:1]]
     first = len(traced), len(scored)
-    evaluations += [
-        evaluate(one, name, PLANNERS[name], instances=1, trials=1, timing=False, shape=SHAPE) for one in some[1:]
-    ]
+    evaluations += [evaluate(one, name, options, instances=1, trials=1, timing=False, shape=SHAPE) for one in some[1:]]
     assert (len(traced), len(scored)) == first
     # The numbers are used: a longer budget is travelled, and another threshold is another area.
     assert len({round(float(each.values["distance"].mean()), 3) for each in evaluations}) > 1
@@ -104,3 +85,6 @@ def test_what_one_program_cannot_hold_is_refused():
         shape_of([TINY.replace(budget=2.0), TINY.replace(agents=3)])
     with pytest.raises(InputError, match="slots: 2; budgets and intervals need at least 12"):
         shape_of(TINY.replace(budget=3.0), slots=2)
+    zone = ((0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6))
+    with pytest.raises(InputError, match="scenario.has_zones: False, True; one shape has one"):
+        shape_of([TINY, TINY.replace(obstacles=(zone,))])

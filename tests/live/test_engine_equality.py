@@ -6,7 +6,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from maipp.engine import Decision, draw_missions, reset
 from maipp.engine.advance import advance
@@ -23,21 +22,6 @@ SCENARIO = Scenario(
     agents=2, budget=(0.9, 0.8), measurement_interval=0.2, start=(0.45, 0.2), grid=6, nodes=16, neighbours=5
 )
 WALL = (((0.2, 0.5), (0.7, 0.5), (0.7, 0.6), (0.2, 0.6)),)
-_SEARCH = {"horizon": 2, "candidates": 8, "elites": 2, "steps": 1, "points": 16}
-_PATHS = {"weights": "untrained", "paths": 2, "steps": 2}
-PLANNERS = {
-    "random": {},
-    "greedy": {},
-    "shared-greedy": {},
-    "lawnmower": {},
-    "sga-rrt": {"nodes": 12, "lengths": (0.2, 0.3)},
-    "receding-horizon": _SEARCH,
-    "sga-catnipp": {"weights": "untrained"},
-    "di": _PATHS,
-    "ti": _PATHS,
-    "ti-star": _PATHS,
-    "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
-}
 SEED = 4
 SAMPLES = np.array([[0.1, 0.9], [0.8, 0.3], [0.5, 0.75]]), np.array([0.4, -0.2, 1.1])
 
@@ -54,8 +38,9 @@ def _wake(mission, state):
 class Batch:
     """The batch engine, stepped from the host, its randomness keyed as live surveys key it."""
 
-    def __init__(self, scenario, name, slots, prior):
-        planner = make_planner(name, scenario, PLANNERS[name])
+    def __init__(self, scenario, planner, slots, prior):
+        name, options = planner
+        planner = make_planner(name, scenario, options)
         shape = shape_of(scenario, slots=slots)
         drawn = draw_missions(scenario, seed=SEED, instances=1, planner=planner, shape=shape, prior=prior)
         self.mission = jax.tree.map(lambda a: a[0], drawn)
@@ -88,11 +73,10 @@ class Batch:
 class Crew:
     """Live surveys told what the agents of a batch survey know: one for all, or one each where ranges are limited."""
 
-    def __init__(self, scenario, name, prior, folder=None):
+    def __init__(self, scenario, planner, prior, folder=None):
         self.make = lambda number: LiveSurvey.from_scenario(
             scenario,
-            name,
-            PLANNERS[name],
+            *planner,
             seed=SEED,
             prior=prior,
             journal=None if folder is None else folder / f"{number}.journal",
@@ -155,9 +139,9 @@ class Crew:
                 survey.handle(event | {"event": "gone"})
 
 
-def follow(scenario, name, slots, *, prior=None, folder=None, exact):
+def follow(scenario, planner, slots, *, prior=None, folder=None, exact):
     """Step both through a whole survey and compare every decision."""
-    batch, crew = Batch(scenario, name, slots, prior), Crew(scenario, name, prior, folder)
+    batch, crew = Batch(scenario, planner, slots, prior), Crew(scenario, planner, prior, folder)
     for number in itertools.count():
         if not batch.going:
             break
@@ -185,30 +169,28 @@ def follow(scenario, name, slots, *, prior=None, folder=None, exact):
     return crew
 
 
-@pytest.mark.parametrize("name", PLANNERS)
-def test_in_the_same_shape_decisions_are_the_same_to_the_bit(name, tmp_path):
+def test_in_the_same_shape_decisions_are_the_same_to_the_bit(tiny_planner, tmp_path):
     """Prior samples, no-go zones, and a restart half-way."""
     scenario = SCENARIO.replace(obstacles=WALL)
     slots = -(-5 * scenario.measurements_per_agent // 4)  # what a live survey has room for
-    follow(scenario, name, slots, prior=SAMPLES, folder=tmp_path, exact=True)
+    follow(scenario, tiny_planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
-@pytest.mark.parametrize("name", PLANNERS)
-def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(name, monkeypatch):
+def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(tiny_planner, monkeypatch):
     """Each robot has a survey of its own, which is told what it hears, and begins with room for one measurement.
 
     The factor of a belief with other slots is rounded otherwise, at 1e-6 or so; a gradient step carries that on.
     """
     monkeypatch.setattr(world, "_RESERVE", 0.2)
     scenario = SCENARIO.replace(comm_range=0.3)
-    crew = follow(scenario, name, None, exact=False)
+    crew = follow(scenario, tiny_planner, None, exact=False)
     room = [survey._measurements.slots_per_robot for survey in crew.surveys]
     assert max(room) > 1  # it has grown
 
 
 def test_what_no_survey_was_told_is_unknown():
     """The check of the equality: a measurement kept back changes what is decided."""
-    batch, crew = Batch(SCENARIO, "greedy", None, None), Crew(SCENARIO, "greedy", None)
+    batch, crew = Batch(SCENARIO, ("greedy", {}), None, None), Crew(SCENARIO, ("greedy", {}), None)
     crew.told[0] = set(range(2 * batch.mission.shape.slots))
     legs = []
     while batch.going:

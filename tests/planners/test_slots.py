@@ -5,7 +5,6 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from maipp.engine import draw_missions, reset
 from maipp.engine.decide import decide
@@ -23,20 +22,6 @@ SCENARIO = Scenario(
     neighbours=5,
     obstacles=(((0.3, 0.2), (0.4, 0.2), (0.4, 0.9), (0.3, 0.9)),),
 )
-_SEARCH = {"horizon": 2, "candidates": 8, "elites": 2, "steps": 1, "points": 16}
-_PATHS = {"weights": "untrained", "paths": 2, "steps": 2}
-PLANNERS = {
-    "random": {},
-    "greedy": {},
-    "shared-greedy": {},
-    "lawnmower": {},
-    "sga-rrt": {"nodes": 12, "lengths": (0.2, 0.3)},
-    "receding-horizon": _SEARCH,
-    "sga-catnipp": {"weights": "untrained"},
-    "ti": _PATHS,
-    "ti-star": _PATHS,
-    "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
-}
 
 
 def dithering(mission, planner):
@@ -58,9 +43,9 @@ def dithering(mission, planner):
     )
 
 
-@pytest.mark.parametrize("name", PLANNERS)
-def test_permuting_slots_changes_no_decision(name):
-    planner = make_planner(name, SCENARIO, PLANNERS[name])
+def test_permuting_slots_changes_no_decision(tiny_planner):
+    name, options = tiny_planner
+    planner = make_planner(name, SCENARIO, options)
     prior = np.array([[0.7, 0.1], [0.1, 0.9]]), np.array([0.5, -0.5])
     drawn = draw_missions(SCENARIO, seed=2, instances=1, planner=planner, prior=prior)
     mission = jax.tree.map(lambda a: a[0], drawn)

@@ -15,48 +15,39 @@ from maipp.typing import Array, Bool, Float, Index, Int, Key
 PyTree = Any
 
 
-class Knowledge(eqx.Module):
-    """What the agent that is due knows, from whichever record: the batch engine's state, or a live survey's."""
+class AgentView(eqx.Module):
+    """What an agent that is due has before it computes anything. The slots of measurements are in no order."""
 
     agent: Index  # index of the agent that decides
     time: Float[Array, ""]  # now
     position: Float[Array, "2"]  # where the agent is, domain units
     start: Float[Array, "2"]  # where it began
     budget: Float[Array, ""]  # its whole budget, domain units
-    odometer: Float[Array, ""]  # what of it has been travelled
-    next_measurement: Float[Array, ""]  # odometer at which it measures next
     speed: Float[Array, ""]  # its speed
     measurement_x: Float[Array, "s 2"]  # positions, domain units
     measurement_y: Float[Array, " s"]  # measured values, normalised units
-    measurement_time: Float[Array, " s"]  # when; inf in an empty slot
-    measured_by: Int[Array, " s"]  # the agent whose measurement each slot is for
+    measurement_time: Float[Array, " s"]  # when; -inf for prior samples, inf in an empty slot
+    measured_by: Int[Array, " s"]  # agent whose measurement each slot is for; -1 for samples from before the survey
     known: Bool[Array, " s"]  # the slots whose value this agent knows
     heard: Bool[Array, " m"]  # agents within communication range now; never itself
     messages: PyTree  # last message of every agent, leading axis m; valid only where heard
     positions: Float[Array, "m 2"]  # where the agents are now; valid only where heard, and its own
 
 
-class Observation(eqx.Module):
-    """What the agent that is due knows at the moment it decides. The slots of measurements are in no order."""
+class Knowledge(AgentView):
+    """What comes from whichever record: the batch engine's state, or a live survey's. Holds no prior samples."""
 
-    agent: Index  # index of the agent that decides
-    time: Float[Array, ""]  # now
-    position: Float[Array, "2"]  # where the agent is, domain units
-    start: Float[Array, "2"]  # where it began
-    budget: Float[Array, ""]  # its whole budget, domain units
-    remaining: Float[Array, ""]  # what is left of it
-    speed: Float[Array, ""]  # its speed
+    odometer: Float[Array, ""]  # what of the budget has been travelled
+    next_measurement: Float[Array, ""]  # odometer at which it measures next
+
+
+class Observation(AgentView):
+    """What a planner sees at the moment it decides. The prior samples, which every agent knows, are in the slots."""
+
+    remaining: Float[Array, ""]  # what is left of the budget
     to_next_measurement: Float[Array, ""]  # distance it travels before it measures again, in (0, interval]
-    measurement_x: Float[Array, "s 2"]  # positions, domain units
-    measurement_y: Float[Array, " s"]  # measured values, normalised units
-    measurement_time: Float[Array, " s"]  # when; -inf for prior samples, inf in an empty slot
-    measured_by: Int[Array, " s"]  # agent whose measurement each is; -1 for samples from before the survey
-    known: Bool[Array, " s"]  # the slots whose value this agent knows; it always knows the prior samples
     belief: Belief  # its own belief, predicted on the evaluation grid
     inside: Bool[Array, " q"]  # grid points of the survey area
-    heard: Bool[Array, " m"]  # agents within communication range now; never itself
-    messages: PyTree  # last message of every agent, leading axis m; valid only where heard
-    positions: Float[Array, "m 2"]  # where the agents are now; valid only where heard, and its own
     roadmap: Roadmap | None  # the agent's own roadmap
 
 

@@ -5,7 +5,6 @@ import io
 import json
 import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
 from maipp.engine.episode_place import read_reference
 from maipp.engine.state import REASONS
 from maipp.errors import InputError
-from maipp.files import write_atomic
+from maipp.files import read_text, write_atomic
 from maipp.scenario import Scenario, ScenarioError
 from maipp.seeds import LARGEST_SEED
 
@@ -64,13 +63,7 @@ def read_episode(path: StrPath) -> Episode:
 
     Raises `InputError` naming the file and the key of what is missing, of the wrong type or contradictory.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the episode: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give an episode.json") from None
-    return parse_episode(text, source=str(path))
+    return parse_episode(read_text(path, "episode", "an episode.json"), source=str(path))
 
 
 def parse_episode(text: str, *, source: str = "episode") -> Episode:

@@ -8,7 +8,7 @@ import numpy as np
 
 from maipp.belief import Belief, Matern32, condition_near
 from maipp.belief.prior_samples import Measurements
-from maipp.engine.decision import Knowledge, Observation
+from maipp.engine.decision import AgentView, Knowledge, Observation
 from maipp.engine.mission import Mission
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State, positions
@@ -119,25 +119,19 @@ def observe(mission: Mission, known: Knowledge) -> Observation:
         old = mission.prior.y.shape[0]
         times = jnp.concatenate([times, jnp.full(old, -jnp.inf, times.dtype)])
         by = jnp.concatenate([by, jnp.full(old, -1, by.dtype)])
+    slots = {
+        "measurement_x": all_known.x,
+        "measurement_y": all_known.y,
+        "measurement_time": times,
+        "measured_by": by,
+        "known": all_known.mask,
+    }
     return Observation(
-        agent=known.agent,
-        time=known.time,
-        position=known.position,
-        start=known.start,
-        budget=known.budget,
+        **{each.name: getattr(known, each.name) for each in dataclasses.fields(AgentView)} | slots,
         remaining=known.budget - known.odometer,
-        speed=known.speed,
         to_next_measurement=known.next_measurement - known.odometer,
-        measurement_x=all_known.x,
-        measurement_y=all_known.y,
-        measurement_time=times,
-        measured_by=by,
-        known=all_known.mask,
         belief=belief_near(mission, all_known, mission.grid, known.position),
         inside=mission.inside,
-        heard=known.heard,
-        messages=known.messages,
-        positions=known.positions,
         roadmap=jax.tree.map(lambda a: a[known.agent], mission.roadmap),
     )
 

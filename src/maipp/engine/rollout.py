@@ -68,7 +68,6 @@ class _Log(NamedTuple):
     """What events leave behind besides the state; e events."""
 
     agent: Int[Array, " e"]
-    counts: Bool[Array, " e"]
     time: Float[Array, " e"]
     kept: Any
 
@@ -85,7 +84,6 @@ def _empty_log(keep: Keep, state: State) -> _Log:
     kept = jax.eval_shape(lambda messages: keep(jax.tree.map(lambda a: a[0], messages)), state.messages)
     return _Log(
         agent=jnp.zeros(events, jnp.int32),
-        counts=jnp.zeros(events, bool),
         time=jnp.zeros(events, state.time.dtype),
         kept=jax.tree.map(lambda a: jnp.zeros((events, *a.shape), a.dtype), kept),
     )
@@ -101,7 +99,7 @@ def _logged(keep: Keep, planner: Planner, mission: Mission, state: State, key: K
     def write(row: Array, value: Array) -> Array:
         return row.at[jnp.where(running, number, len(row))].set(value, mode="drop")
 
-    new = _Log(agent, running, after.time, kept)
+    new = _Log(agent, after.time, kept)
     return after, jax.tree.map(write, log, new)
 
 
@@ -229,8 +227,10 @@ def run_recorded(planner: Planner, missions: Mission, key: Key, keep: Keep, *, f
     """As `run_missions`, and of every decision `keep(message)`; `keep` is a function that JAX can trace."""
     states, log = _run(planner, missions, key, first, keep)
     assert log is not None
-    last = int(log.counts.sum(axis=-1).max(initial=0))
-    return states, Events(*jax.tree.map(lambda rows: np.asarray(rows)[:, :last], tuple(log)))
+    events = np.asarray(states.events)
+    last = int(events.max(initial=0))
+    agent, time, kept = jax.tree.map(lambda rows: np.asarray(rows)[:, :last], tuple(log))
+    return states, Events(agent, np.arange(last) < events[:, None], time, kept)
 
 
 def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep | None) -> _Pair:
@@ -271,7 +271,7 @@ def _with_room(begun: _Pair, capacity: int) -> _Pair:
     """The missions with more room, in which nobody waits for it; leading axis b."""
     state, log = with_capacity(begun[0], capacity), begun[1]
     if log is not None:
-        added = _most_events(state) - log.counts.shape[1]
+        added = _most_events(state) - log.agent.shape[1]
         log = jax.tree.map(lambda a: jnp.pad(a, [(0, 0), (0, added), *[(0, 0)] * (a.ndim - 2)]), log)
     return state, log
 

@@ -103,7 +103,7 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     if robot.budget - arrival.odometer <= DISTANCE_TOLERANCE:
         return Made("budget", here, here[:0], robot.planned, arrival.time, nothing[0], robot.memory)
     outcome = arrival.decided()
-    if not outcome.go or not np.isfinite(outcome.leg).all():
+    if not outcome.go:
         return Made("planner", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
     scenario, roadmap = arrival.world.scenario, arrival.world.mission.roadmap
     nodes = None if roadmap is None else np.asarray(roadmap.nodes, np.float64)[arrival.robots.index(robot)]

@@ -10,6 +10,7 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from maipp.errors import InputError
+from maipp.files import read_text
 from maipp.geo import WGS84, Crs, check_degrees, read_crs, unwrap
 from maipp.scenario_checks import show
 from maipp.typing import Float
@@ -31,12 +32,9 @@ def load_geojson(path: Path, otherwise: Crs | None = WGS84) -> list[Rings]:
 
     Raises `InputError` naming the file, and in it the place of what is wrong.
     """
+    text = read_text(path, "polygons", "a GeoJSON file")
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give a GeoJSON file") from None
+        content = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}:{error.lineno}: not JSON, or cut short: {error.msg}; give a GeoJSON file") from None
     except (RecursionError, ValueError):  # a number of 5000 digits is a ValueError

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.files import read_text
 from maipp.geo import WGS84, Crs, read_crs
 from maipp.missions.vehicle import Vehicle
 from maipp.scenario_checks import show
@@ -64,15 +65,7 @@ def load_survey(path: str | os.PathLike[str]) -> Survey:
 
     Raises `InputError` with the file, the line and the key of what is wrong, that other files it names hold included.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the mission: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give a YAML file") from None
-    except ValueError:  # a NUL in the name
-        raise InputError(f"{show(str(path))}: not the name of a file") from None
-    return parse_survey(text, source=str(path), folder=Path(path).parent)
+    return parse_survey(read_text(path, "mission", "a YAML file"), source=str(path), folder=Path(path).parent)
 
 
 def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -> Survey:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.files import read_text
 from maipp.planners.options import read_options
 from maipp.training.config import NAMED, TrainConfig
 from maipp.yaml_text import dump_yaml, read_pairs
@@ -29,13 +30,7 @@ def load_config(path: str | os.PathLike[str]) -> TrainConfig:
 
     Raises InputError with the file, the line and the key of what is wrong.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the configuration: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start}); give a YAML file") from None
-    return parse_config(text, source=str(path))
+    return parse_config(read_text(path, "configuration", "a YAML file"), source=str(path))
 
 
 def parse_config(text: str, *, source: str = "training") -> TrainConfig:
