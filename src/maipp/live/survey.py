@@ -12,10 +12,11 @@ from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, decide_arrival
-from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement, fingerprint, read_event, write_event
+from maipp.live.effects import effect, inside
+from maipp.live.events import Arrived, Event, fingerprint, read_event, write_event
 from maipp.live.journal import Journal
 from maipp.live.measurements import Measurements, Sample
-from maipp.live.messages import describe, pack, unpack
+from maipp.live.messages import describe, pack
 from maipp.live.request import PROTOCOL, Fields
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
@@ -25,9 +26,6 @@ from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
-
-# No number in a message is larger; float32 has room for what is computed with it.
-_LARGEST_TOLD = 1e9
 
 # Most points of one question for the belief.
 _MOST_POINTS = 10_000
@@ -140,7 +138,7 @@ class LiveSurvey:
             if known != digest:
                 raise InputError(f"id: another event has the id {event.id[:60]!r}; give each event its own")
             return copy.deepcopy(answer)
-        inner = self._inside(event)
+        inner = inside(event, self.setup.units, self._nothing)
         answer, state = self._answer(event, inner)
         whole(answer)
         effect = self._effect(event, inner, answer, state)
@@ -218,28 +216,6 @@ class LiveSurvey:
     def _robot(self, event: Event) -> Robot:
         return self._robots[self.setup.robots.index(event.robot)]
 
-    def _inside(self, event: Event) -> dict[str, Any]:
-        """The event's numbers in domain units, standardised values and the scenario's time."""
-        units = self.setup.units
-        inner: dict[str, Any] = {"time": units.time("time", event.time)}
-        if isinstance(event, Measurement | Arrived | Heard):
-            inner["position"] = np.array(units.position("position", event.position))
-        if isinstance(event, Measurement | Arrived):
-            told = event.travelled
-            inner["travelled"] = None if told is None else units.length("travelled", told)
-        if isinstance(event, Measurement):
-            inner["value"] = units.value("value", event.value)
-        if isinstance(event, Budget):
-            inner["budget"] = units.length("budget", event.budget)
-        if isinstance(event, Heard):
-            inner["message"] = unpack(event.packed, self._nothing[0])
-            leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(inner["message"])]
-            if any((np.isfinite(leaf) & (abs(leaf) > _LARGEST_TOLD)).any() for leaf in leaves):
-                raise InputError(
-                    f"packed: holds a number beyond {_LARGEST_TOLD:g}; send what the other process answered"
-                )
-        return inner
-
     def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
         return Arrival(self.world, self._robots, self._measurements.slots(), robot, position, time, odometer)
 
@@ -282,28 +258,8 @@ class LiveSurvey:
     def _effect(
         self, event: Event, inner: dict[str, Any], answer: dict[str, Any], state: dict[str, Any] | None
     ) -> tuple[Robot, Sample | None]:
-        """What an answered event changes, as a new robot and a measurement: the same whether it has just been answered
-        or is read from the journal."""
-        robot, time, sample = self._robot(event).copy(), inner["time"], None
-        if isinstance(event, Measurement):
-            x, y = inner["position"].tolist()
-            sample = Sample(time, self.setup.robots.index(event.robot), x, y, inner["value"])
-            robot.note_measurement(time, inner["travelled"])
-        elif isinstance(event, Arrived):
-            assert state is not None
-            if "late" in state:
-                robot.note_late(time, state["late"])
-            else:
-                leg = np.array(state["leg"], np.float64)
-                message, memory = unpack(state["message"], self._nothing[0]), unpack(state["memory"], self._nothing[1])
-                robot.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
-        elif isinstance(event, Gone):
-            robot.leave(time, self._nothing[0])
-        elif isinstance(event, Budget):
-            robot.grant(inner["budget"], time, event.id)
-        elif isinstance(event, Heard):
-            robot.announce(time, inner["position"], inner["message"])
-        return robot, sample
+        number = self.setup.robots.index(event.robot)
+        return effect(event, inner, (number, self._robots[number]), answer, state, self._nothing)
 
     def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: tuple[Robot, Sample | None]) -> None:
         """Take over an effect. Once begun, nothing is answered until it has been done in full."""
@@ -352,7 +308,7 @@ class LiveSurvey:
                 )
         for record in self._journal.records[1:]:
             event = read_event(record["event"], self.setup.robots)
-            inner = self._inside(event)
+            inner = inside(event, self.setup.units, self._nothing)
             effect = self._effect(event, inner, record["answer"], record.get("state"))
             self._apply(event, fingerprint(event), record["answer"], effect)
         self._journal.records.clear()

@@ -1,0 +1,76 @@
+"""What an event means in the survey's own units, and what it changes: the same live and from the journal."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from maipp.errors import InputError
+from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement
+from maipp.live.measurements import Sample
+from maipp.live.messages import unpack
+from maipp.live.robots import Robot
+from maipp.live.units import Units
+
+Pair = tuple[Any, Any]  # a message and a memory, as the planner has them
+
+# No number in a message is larger; float32 has room for what is computed with it.
+_LARGEST_TOLD = 1e9
+
+
+def inside(event: Event, units: Units, nothing: Pair) -> dict[str, Any]:
+    """The event's numbers in domain units, standardised values and the scenario's time.
+
+    `nothing` are the planner's empty message and memory. Raises `InputError` for what cannot be.
+    """
+    inner: dict[str, Any] = {"time": units.time("time", event.time)}
+    if isinstance(event, Measurement | Arrived | Heard):
+        inner["position"] = np.array(units.position("position", event.position))
+    if isinstance(event, Measurement | Arrived):
+        told = event.travelled
+        inner["travelled"] = None if told is None else units.length("travelled", told)
+    if isinstance(event, Measurement):
+        inner["value"] = units.value("value", event.value)
+    if isinstance(event, Budget):
+        inner["budget"] = units.length("budget", event.budget)
+    if isinstance(event, Heard):
+        inner["message"] = unpack(event.packed, nothing[0])
+        leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(inner["message"])]
+        if any((np.isfinite(leaf) & (abs(leaf) > _LARGEST_TOLD)).any() for leaf in leaves):
+            raise InputError(f"packed: holds a number beyond {_LARGEST_TOLD:g}; send what the other process answered")
+    return inner
+
+
+def effect(
+    event: Event,
+    inner: dict[str, Any],
+    robot: tuple[int, Robot],
+    answer: dict[str, Any],
+    state: dict[str, Any] | None,
+    nothing: Pair,
+) -> tuple[Robot, Sample | None]:
+    """What an answered event changes: the robot that takes the place of this one (its number, it), and a measurement.
+
+    `answer` is what was answered, `state` what an arrival changes.
+    """
+    number, changed = robot[0], robot[1].copy()
+    time, sample = inner["time"], None
+    if isinstance(event, Measurement):
+        x, y = inner["position"].tolist()
+        sample = Sample(time, number, x, y, inner["value"])
+        changed.note_measurement(time, inner["travelled"])
+    elif isinstance(event, Arrived):
+        assert state is not None
+        if "late" in state:
+            changed.note_late(time, state["late"])
+        else:
+            leg = np.array(state["leg"], np.float64)
+            message, memory = unpack(state["message"], nothing[0]), unpack(state["memory"], nothing[1])
+            changed.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
+    elif isinstance(event, Gone):
+        changed.leave(time, nothing[0])
+    elif isinstance(event, Budget):
+        changed.grant(inner["budget"], time, event.id)
+    elif isinstance(event, Heard):
+        changed.announce(time, inner["position"], inner["message"])
+    return changed, sample
