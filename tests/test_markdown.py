@@ -1,0 +1,34 @@
+"""Markdown that commands write: tables line up, and of a page only the place between the marks changes."""
+
+import pytest
+
+from maipp.errors import InputError
+from maipp.markdown import filled, markdown_table, typed
+
+START, END = "<!-- a:start -->", "<!-- a:end -->"
+
+
+def test_words_are_to_the_left_and_numbers_to_the_right():
+    assert markdown_table(["a", "b", "c"], [["x", "1", "2"]], left=1).splitlines() == [
+        "| a | b | c |",
+        "| --- | ---: | ---: |",
+        "| x | 1 | 2 |",
+    ]
+    assert "| --- | --- |" in markdown_table(["a", "b"], [], left=2)
+
+
+def test_the_page_is_changed_between_its_marks_alone():
+    once = filled(f"before\n{START}\nold\n{END}\nafter\n", START, END, "x")
+    assert once == f"before\n{START}\n\nx\n\n{END}\nafter\n"
+    assert filled(once, START, END, "x") == once
+
+
+@pytest.mark.parametrize("text", ["", START, END, f"{END} {START}"])
+def test_a_page_without_marks_is_refused(text):
+    with pytest.raises(InputError, match=f"p.md: no place for b; add the lines {START} and {END} to it"):
+        filled(text, START, END, "x", "p.md", "b")
+
+
+def test_values_are_as_one_types_them():
+    values = (None, True, 0.25, "x", (1, [2, False]))
+    assert [typed(value) for value in values] == ["none", "true", "0.25", "x", "1,2,false"]
