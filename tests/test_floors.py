@@ -16,8 +16,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 FLOORS = (
-    ("typing", "errors", "cgroup", "devices", "files", "seeds", "yaml_text"),
-    ("geo", "scenario", "scenario_checks", "scenario_fields", "scenario_io", "problem"),
+    ("typing", "errors", "cgroup", "devices", "files", "markdown", "records", "seeds"),
+    ("geo", "scenario", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
     ("policy", "viz", "missions", "adapters"),

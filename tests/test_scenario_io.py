@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
-from maipp.scenario import Scenario, describe_fields
+from maipp.records import fields_of
+from maipp.scenario import Scenario
 from maipp.scenario_io import (
     dump_scenario,
     load_scenario,
@@ -103,11 +104,11 @@ def test_other_yaml_readers_read_the_same_numbers(values):
 def test_every_key_stands_below_its_comment():
     lines = dump_scenario(Scenario()).splitlines()
     comment = ""
-    for row in describe_fields():
+    for row in fields_of(Scenario):
         at = next(number for number, line in enumerate(lines) if line.startswith(f"{row.name}:"))
         first = max((n for n in range(at) if not lines[n].startswith("#")), default=-1) + 1
         comment = " ".join(line.removeprefix("# ") for line in lines[first:at])
-        assert row.meaning[1:] in comment and f"[{row.unit}]" in comment and row.allowed in comment
+        assert row.meaning[1:] in comment and f"[{row.about['unit']}]" in comment and row.allowed in comment
     assert max(map(len, lines)) <= 100
     assert "#" not in dump_scenario(Scenario(), comments=False)
 
@@ -147,21 +148,24 @@ WRONG = {
     "word": ("agents", r"^s\.yaml:1: not a mapping"),
     "wrong value": (
         "agents: 2\n\nbudget: -1.0\n",
-        r"^s\.yaml:3: budget: -1\.0 is not a budget; give a length > 0",
+        r"^s\.yaml:3: budget: -1\.0 is not a length > 0",
     ),
-    "wrong element": ("agents: 2\nbudget:\n- 1\n- no\n", r"^s\.yaml:2: budget\[1\]: 'no' is not a budget"),
-    "text for a number": ('agents: "3"', r"^s\.yaml:1: agents: '3' is not a number of agents"),
-    "nothing": ("agents: 2\nbudget:\n", r"^s\.yaml:2: budget: None is not a budget"),
-    "true": ("agents: true", r"^s\.yaml:1: agents: True is not a number of agents"),
-    "infinite": ("budget: .inf", r"^s\.yaml:1: budget: inf is not a budget"),
-    "minus infinite": ("threshold: -.INF", r"^s\.yaml:1: threshold: -inf is not a threshold"),
-    "not a number": ("threshold: .nan", r"^s\.yaml:1: threshold: nan is not a threshold"),
-    "overflow": ("budget: 1e999", r"^s\.yaml:1: budget: inf is not a budget"),
-    "sexagesimal": ("agents: 1:30", r"^s\.yaml:1: agents: '1:30' is not a number"),
-    "mapping for a number": ("budget: {a: 1}", r"^s\.yaml:1: budget: \{'a': 1\} is not a budget"),
+    "wrong element": (
+        "agents: 2\nbudget:\n- 1\n- no\n",
+        r"^s\.yaml:2: budget\[1\]: 'no' does not fit; give a length > 0",
+    ),
+    "text for a number": ('agents: "3"', r"^s\.yaml:1: agents: '3' is not a whole number >= 1"),
+    "nothing": ("agents: 2\nbudget:\n", r"^s\.yaml:2: budget: None is not a length > 0"),
+    "true": ("agents: true", r"^s\.yaml:1: agents: True is not a whole number >= 1"),
+    "infinite": ("budget: .inf", r"^s\.yaml:1: budget: inf is not a length > 0"),
+    "minus infinite": ("threshold: -.INF", r"^s\.yaml:1: threshold: -inf is not a finite number"),
+    "not a number": ("threshold: .nan", r"^s\.yaml:1: threshold: nan is not a finite number"),
+    "overflow": ("budget: 1e999", r"^s\.yaml:1: budget: inf is not a length > 0"),
+    "sexagesimal": ("agents: 1:30", r"^s\.yaml:1: agents: '1:30' is not a whole number"),
+    "mapping for a number": ("budget: {a: 1}", r"^s\.yaml:1: budget: \{'a': 1\} is not a length > 0"),
     "default against given": ("nodes: 10\n", r"^s\.yaml: neighbours: 20 is not below nodes \(10\)"),
-    "unknown": ("agents: 2\nbugdet: 3", r"^s\.yaml:2: bugdet: no such field; did you mean budget\?$"),
-    "unknown number": ("3: 3", r"^s\.yaml:1: 3: no such field; there are agents, budget"),
+    "unknown": ("agents: 2\nbugdet: 3", r"^s\.yaml:2: bugdet: no such key; did you mean budget\?$"),
+    "unknown number": ("3: 3", r"^s\.yaml:1: 3: no such key; there are agents, budget"),
     "twice": (
         "agents: 2\nbudget: 1\nagents: 3",
         r"^s\.yaml:3: agents: given twice, first on line 1; keep one$",

@@ -3,12 +3,11 @@
 import os
 import textwrap
 from pathlib import Path
-from typing import Any
 
-from maipp.errors import InputError
 from maipp.files import read_text, write_atomic
-from maipp.scenario import Scenario, ScenarioError, describe_fields
-from maipp.yaml_text import dump_yaml, read_pairs
+from maipp.markdown import filled, markdown_table
+from maipp.records import dump_yaml, fields_of, read_yaml
+from maipp.scenario import Scenario
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
@@ -22,17 +21,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 def parse_scenario(text: str, *, source: str = "scenario", folder: str | None = None) -> Scenario:
     """The scenario in YAML text; errors name `source`, a relative `field` is taken from `folder` if given."""
-    values: dict[str, Any] = {}
-    lines: dict[str, int] = {}
-    for key, value, line in read_pairs(text, source, empty="`maipp scenario` prints a full one to start from"):
-        if key in lines:
-            raise ScenarioError(key, f"given twice, first on line {lines[key]}; keep one", f"{source}:{line}")
-        values[key], lines[key] = value, line
-    try:
-        scenario = Scenario.from_dict(values)
-    except ScenarioError as error:
-        line = lines.get(error.key) or lines.get(error.key.partition("[")[0])
-        raise ScenarioError(error.key, error.problem, f"{source}:{line}" if line else source) from None
+    root = read_yaml(text, source, empty="`maipp scenario` prints a full one to start from")
+    scenario = root.make(Scenario.create, root.mapping())
     if scenario.field is None or folder is None or os.path.isabs(scenario.field):
         return scenario
     return scenario.replace(field=os.path.normpath(os.path.join(folder, scenario.field)))
@@ -41,8 +31,8 @@ def parse_scenario(text: str, *, source: str = "scenario", folder: str | None = 
 def dump_scenario(scenario: Scenario, *, comments: bool = True) -> str:
     """The full scenario as YAML, every key below a comment with its meaning, unit and allowed values."""
     blocks = []
-    for row in describe_fields():
-        about = f"{row.meaning[:1].upper()}{row.meaning[1:]} [{row.unit}]. Give {row.allowed}."
+    for row in fields_of(Scenario):
+        about = f"{row.meaning[:1].upper()}{row.meaning[1:]} [{row.about['unit']}]. Give {row.allowed}."
         comment = textwrap.fill(about, 100, initial_indent="# ", subsequent_indent="# ") + "\n"
         pair = dump_yaml({row.name: scenario.to_dict()[row.name]})
         blocks.append(f"{comment}{pair}" if comments else pair)
@@ -63,13 +53,9 @@ def save_scenario(scenario: Scenario, path: str | os.PathLike[str]) -> None:
 
 def with_field_table(page: str) -> str:
     """The Markdown page with what is between its two `fields` markers replaced by the table of all fields."""
-    rows = [("Field", "Default", "Unit", "Meaning", "Allowed", "Source"), ("---",) * 6]
-    for row in describe_fields():
+    heading, rows = ("Field", "Default", "Unit", "Meaning", "Allowed", "Source"), []
+    for row in fields_of(Scenario):
         default = dump_yaml({row.name: Scenario().to_dict()[row.name]}).partition(": ")[2].strip()
-        rows.append((f"`{row.name}`", f"`{default}`", row.unit, row.meaning, row.allowed, row.source))
-    table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
-    before, begin, rest = page.partition("<!-- fields -->\n")
-    _, end, after = rest.partition("<!-- /fields -->")
-    if not end:
-        raise InputError("the page has no place for the table; give <!-- fields --> and <!-- /fields --> lines")
-    return f"{before}{begin}\n{table}\n\n{end}{after}"
+        unit, source = row.about["unit"], row.about["source"]
+        rows.append((f"`{row.name}`", f"`{default}`", unit, row.meaning, row.allowed, source))
+    return filled(page, "<!-- fields -->", "<!-- /fields -->", markdown_table(heading, rows, left=len(heading)))

@@ -8,12 +8,12 @@ from maipp.errors import InputError
 LARGEST_SEED = 2**32 - 1
 
 
-def check_seed(seed: object, where: str = "seed", largest: int = LARGEST_SEED) -> int:
+def check_seed(seed: object, where: str = "seed") -> int:
     """The seed as a Python integer. Raises `InputError`, which begins with `where`, for what is none."""
     try:
         number = -1 if isinstance(seed, bool) else operator.index(seed)  # type: ignore[arg-type]  # tried
     except TypeError:
         number = -1
-    if not 0 <= number <= largest:
-        raise InputError(f"{where}: {seed} is no seed; give a whole number from 0 to {largest}")
+    if not 0 <= number <= LARGEST_SEED:
+        raise InputError(f"{where}: {seed} is no seed; give a whole number from 0 to {LARGEST_SEED}")
     return number

@@ -21,7 +21,7 @@ def devices_are_set(monkeypatch: pytest.MonkeyPatch) -> None:
         (["latency", "--decisions", "0"], "--decisions: 0 is not"),
         (["latency", "--batch", "0"], "--batch: 0 is not"),
         (["latency", "--seed", "-1"], "--seed: -1 is no seed"),
-        (["latency", "--agents", "0"], "scenario.agents: 0 is not a number of agents"),
+        (["latency", "--agents", "0"], "scenario.agents: 0 is not a whole number >= 1"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments, problem, tmp_path, capsys):

@@ -155,7 +155,7 @@ def test_settings_are_the_planners_or_the_scenarios():
     ("flags", "problem"),
     [
         (ScenarioFlags(agents=0), "--agents: 0 is not"),
-        (ScenarioFlags(budget=(-1.0,)), "--budget: -1.0 is not a budget"),
+        (ScenarioFlags(budget=(-1.0,)), "--budget: -1.0 is not a length > 0"),
         (ScenarioFlags(length_scale=0.0), "--length-scale: 0.0 is not"),
         (ScenarioFlags(settings=(("scenario.gird=3",),)), "did you mean grid?"),
         (ScenarioFlags(settings=(("scenario.grid=x",),)), "scenario.grid: 'x' is not"),
@@ -232,7 +232,7 @@ def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys
     [
         ([], "--planner: none given; give one or more of random"),
         (["--planner", "greedy", "gready"], "no planner 'gready' (did you mean greedy?)"),
-        (["--planner", "greedy", "--budget", "1", "-1"], "--budget: -1.0 is not a budget"),
+        (["--planner", "greedy", "--budget", "1", "-1"], "--budget: -1.0 is not a length > 0"),
         (["--planner", "greedy", "--set", "sharde=1"], "no option 'sharde' (did you mean shared?)"),
         (["--planner", "greedy", "--json", "nowhere/out.json"], "--json: no folder nowhere"),
         (["--planner", "greedy", "--json", os.curdir], "--json: . is a folder"),

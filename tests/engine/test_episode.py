@@ -16,7 +16,6 @@ from sklearn.gaussian_process.kernels import Matern
 
 from maipp.belief import PriorSamples
 from maipp.engine import draw_missions, run_missions
-from maipp.engine.checked_json import pretty
 from maipp.engine.episode import AgentRecord, Episode, replay, shortest
 from maipp.engine.episode_io import (
     dump_episode,
@@ -27,6 +26,7 @@ from maipp.engine.episode_io import (
 from maipp.engine.score import score_missions
 from maipp.geo import GeoReference
 from maipp.planners.sga_rrt import SgaRrt
+from maipp.records import pretty
 from maipp.scenario import Scenario
 
 MAPPING = GeoReference((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")

@@ -157,16 +157,16 @@ def test_options_are_read_by_their_annotation(still, option, text, value):
 @pytest.mark.parametrize(
     ("option", "text", "right"),
     [
-        ("size", "big", "give a number"),
-        ("size", "nan", "give a number"),
-        ("size", True, "give a number"),
+        ("size", "big", "is not a number"),
+        ("size", "nan", "is not a number"),
+        ("size", True, "is not a number"),
         ("size", "-1", "give a number > 0"),
         ("times", "1,x", "give a list such as 3,4"),
-        ("pair", "0.3", "give 2 values such as 0.3,0.4"),
-        ("pair", 0.3, "give 2 values such as 0.3,0.4"),
-        ("loud", "maybe", "give true or false"),
-        ("rows", "1.5", "give a whole number or none"),
-        ("mode", "warp", "give one of slow, fast"),
+        ("pair", "0.3", "is not 2 values such as 0.3,0.4"),
+        ("pair", 0.3, "is not 2 values such as 0.3,0.4"),
+        ("loud", "maybe", "is not true or false"),
+        ("rows", "1.5", "is not a whole number or none"),
+        ("mode", "warp", "is not one of slow, fast"),
         ("sise", "1", "did you mean size?"),
         ("scenario", "1", "there are size, times, pair"),
     ],
@@ -199,7 +199,7 @@ def test_arrays_and_hidden_fields_are_no_options(names):
 
 
 def test_an_option_without_a_default_must_be_given(names):
-    with pytest.raises(InputError, match="zones has no default; give a whole number"):
+    with pytest.raises(InputError, match="zones: has no default; give a whole number"):
         make_planner(names + "Named", SCENARIO)
 
 

@@ -104,32 +104,38 @@ def test_weights_of_another_card(path, network):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("{", "not JSON, or cut short"),
-        ("[" * 10**5, "not JSON, or cut short"),
-        (b"\xff\xfe\xfa", "not JSON, or cut short"),
-        ("[1]", "must hold a JSON object"),
-        ("{}", "schema is missing"),
+        ("{", "1: not JSON, or cut short"),
+        ("[" * 10**5, " not JSON that can be read: nested too deeply"),
+        (b"\xff\xfe\xfa", " not JSON, which is UTF-8"),
+        ("[1]", " [1] is not a mapping"),
+        ("{}", " architecture: missing"),
     ],
 )
 def test_a_card_that_is_none(path, content, message):
     path.with_suffix(".json").write_bytes(content if isinstance(content, bytes) else content.encode())
-    assert refused(path).startswith(f"policy.json: {message}")
+    assert refused(path).startswith(f"policy.json:{message}")
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda c: c.pop("sha256"), "sha256 is missing"),
-        (lambda c: c.pop("architecture"), "architecture is missing"),
-        (lambda c: c.update(schema="maipp.policy/9"), "schema: 'maipp.policy/9' is not one"),
-        (lambda c: c.update(architecture=[16]), "architecture must be an object"),
-        (lambda c: c["architecture"].pop("heads"), "architecture.heads is missing"),
-        (lambda c: c["architecture"].update(depth=2), "architecture.depth is unknown"),
-        (lambda c: c["architecture"].update(width=16.0), "architecture.width is 16.0"),
-        (lambda c: c["architecture"].update(width=10**30), "architecture.width is 1000"),
-        (lambda c: c["architecture"].update(encoder_layers=0), "architecture.encoder_layers is 0"),
-        (lambda c: c["architecture"].update(heads=True), "architecture.heads is True"),
-        (lambda c: c["architecture"].update(use_intent=1), "architecture.use_intent is 1"),
+        (lambda c: c.pop("sha256"), "sha256: missing"),
+        (lambda c: c.pop("architecture"), "architecture: missing"),
+        (lambda c: c.update(schema="maipp.policy/9"), "schema: 'maipp.policy/9' is not 'maipp.policy/1'"),
+        (lambda c: c.update(architecture=[16]), "architecture: [16] is not a mapping"),
+        (lambda c: c["architecture"].pop("heads"), "architecture.heads: missing"),
+        (lambda c: c["architecture"].update(depth=2), "architecture.depth: no such key; did you mean width"),
+        (
+            lambda c: c["architecture"].update(width=16.0),
+            "architecture.width: 16.0 is not a whole number from 1 to 8192",
+        ),
+        (lambda c: c["architecture"].update(width=10**30), "architecture.width: 1000"),
+        (
+            lambda c: c["architecture"].update(encoder_layers=0),
+            "architecture.encoder_layers: 0 is not a whole number from 1 to 64",
+        ),
+        (lambda c: c["architecture"].update(heads=True), "architecture.heads: True is not"),
+        (lambda c: c["architecture"].update(use_intent=1), "architecture.use_intent: 1 is not true or false"),
         (lambda c: c["architecture"].update(heads=3), "architecture: width is 16 and heads is 3"),
     ],
 )

@@ -80,7 +80,7 @@ def test_a_length_scale_out_of_proportion_is_told():
         ([("start: [0, 0]", "start: [250, 250]")], "lies 50 m deep inside a no-go zone"),
         ([("spacing_m: 300", "spacing_m: 0.1")], "mission.yaml:9: measurement_spacing_m: 0.1 m means 15000 measurem"),
         ([("planner: shared-greedy", "planner: gredy")], "mission.yaml:15: planner: no planner 'gredy' (did you mean"),
-        ([("grid: 10", "grid: 1")], "mission.yaml:16: scenario.grid: 1 is not a grid size"),
+        ([("grid: 10", "grid: 1")], "mission.yaml:16: scenario.grid: 1 is not a whole number >= 2"),
         ([("neighbours: 6", "neighbours: 60")], "mission.yaml:16: scenario.neighbours: 60 is not below nodes (40)"),
         ([("metres: true", "clearance_m: 600\nmetres: true")], "nothing of the area keeps 600 m clear"),
         ([("[300,0],[300,500],[200,500]", "[300,500],[300,0],[200,500]")], "no_go[0]: crosses or touches itself"),

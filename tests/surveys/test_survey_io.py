@@ -54,7 +54,7 @@ def test_files_are_found_beside_the_mission(tmp_path):
     text += "samples: {file: old.csv, value: chl}\nrehearsal: {raster: map.npz, fields: 3}\nno_go: [area.geojson]\n"
     path.write_text(text, encoding="utf-8")
     survey = load_survey(path)
-    assert survey.samples is not None and survey.samples.path == tmp_path / "old.csv"
+    assert survey.samples is not None and survey.samples.file == tmp_path / "old.csv"
     assert survey.samples.columns == {"value": "chl"}
     assert survey.rehearsal.raster == tmp_path / "map.npz" and survey.rehearsal.fields == 3
     assert len(survey.no_go) == 1 and isinstance(survey.area, tuple) and len(survey.area) == 1
@@ -94,7 +94,7 @@ def test_zones_come_in_every_form(area, count):
         (("budget_m: 2000", "budget_m: 50"), "robots[0].budget_m: 50 allows 50 m, less than measurement_spacing_m"),
         (("budget_m: 2000", "budget_minutes: 1"), "robots[0].budget_minutes: 1 allows 90 m, less than"),
         (("speed: 1.5", "speed: fast"), "m.yaml:3: robots[0].speed: 'fast' is not a speed in m/s"),
-        (("speed: 1.5, ", ""), "robots[0]: has no speed"),
+        (("speed: 1.5, ", ""), "robots[0].speed: missing; give a speed in m/s"),
         (("[4.05, 52.01]", "[4.05]"), "robots[0].start: [4.05] is not a start; give [longitude, latitude] in degrees"),
         (("measurement_spacing_m: 100", "measurement_spacing_m: 0"), "m.yaml:4: measurement_spacing_m: 0 is not a len"),
         (("measurement_spacing_m: 100\n", ""), "m.yaml: measurement_spacing_m: missing"),
@@ -109,16 +109,16 @@ def test_zones_come_in_every_form(area, count):
         (("", "kernel: {std: 0}\n"), "m.yaml:5: kernel.std: 0 is not a standard deviation > 0"),
         (("", "noise: .nan\n"), "m.yaml:5: noise: nan is not a standard deviation >= 0"),
         (("", "threshold: 1e400\n"), "m.yaml:5: threshold: inf is not a number in the unit"),
-        (("", "samples: {x: a}\n"), "m.yaml:5: samples: has no file"),
+        (("", "samples: {x: a}\n"), "m.yaml:5: samples.file: missing; give the path of a CSV file"),
         (("", "scenario: {budget: 3}\n"), "m.yaml:5: scenario.budget: no such key"),
         (("", "rehearsal: 0\n"), "m.yaml:5: rehearsal: 0 is not a raster, or a number of fields"),
         (("", "vehicle: submarine\n"), "m.yaml:5: vehicle: vehicle 'submarine' is not known"),
         (("", "vehicle: {kind: copter}\n"), "m.yaml:5: vehicle: a copter needs an altitude"),
         (("", "planner_options: [1]\n"), "m.yaml:5: planner_options: [1] is not a mapping"),
-        (("", "metres: yes\n"), "m.yaml:5: metres: 'yes': give true or false"),
+        (("", "metres: yes\n"), "m.yaml:5: metres: 'yes' is not true or false"),
         (("", "seed: 1\nseed: 2\n"), "m.yaml:6: seed: given twice, first on line 5"),
         (("", "name: [1\n"), "m.yaml:6: not valid YAML"),
-        (("", 'noise: !!float ""\n'), "m.yaml: holds a value that cannot be read"),
+        (("", 'noise: !!float ""\n'), "m.yaml:5: noise: cannot be read"),
         (("", "name: &a [*a]\n"), "m.yaml:5: not valid YAML"),
         (("robots:\n  - {start: [4.05, 52.01], speed: 1.5, budget_m: 2000}", "robots: []"), "robots: [] is not a list"),
     ],

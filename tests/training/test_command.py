@@ -78,7 +78,7 @@ def test_the_configuration_that_the_flags_name(tmp_path):
     (tmp_path / "config.yaml").write_text(dump_config(TrainConfig(seed=9)))
     assert _config(Train(out=tmp_path, resume=True)).seed == 9
     assert _config(Train(out=tmp_path)).seed == 0
-    with pytest.raises(InputError, match="--set: no option"):
+    with pytest.raises(InputError, match="--set: sed: no such key"):
         _config(Train(out=tmp_path, settings=(("sed=1",),)))
 
 

@@ -15,7 +15,7 @@ from maipp.benchmarks.table_run import Sample, cells, fill, share
 from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
 from maipp.errors import InputError
-from maipp.planners.options import unknown
+from maipp.records import unknown
 from maipp.seeds import check_seed
 
 INTERRUPTED = 130

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from maipp.cli.options import assignments
 from maipp.errors import InputError
+from maipp.records import assignments
 from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without

@@ -11,7 +11,8 @@ import tyro
 
 from maipp.errors import InputError
 from maipp.planners import planner_names, planner_options
-from maipp.scenario import Scenario, ScenarioError
+from maipp.records import FieldError, assignments
+from maipp.scenario import Scenario
 from maipp.scenario_io import load_scenario
 
 if TYPE_CHECKING:  # they import JAX, which `--help` can do without
@@ -19,20 +20,6 @@ if TYPE_CHECKING:  # they import JAX, which `--help` can do without
     from maipp.geo import GeoReference
 
 _SCENARIO_KEY = "scenario."
-
-
-def assignments(settings: tuple[tuple[str, ...], ...]) -> dict[str, str]:
-    """The `--set KEY=VALUE` items as a mapping; raises `InputError` for one that is none, and for a key given twice."""
-    found: dict[str, str] = {}
-    for item in (item for group in settings for item in group):
-        key, equals, value = item.partition("=")
-        if not (equals and key.strip()):
-            raise InputError(f"--set {item}: not an assignment; give KEY=VALUE, such as joint=true")
-        key = key.strip().replace("-", "_")
-        if key in found:
-            raise InputError(f"--set {key}: given twice; keep one")
-        found[key] = value.strip()
-    return found
 
 
 @dataclass(frozen=True)
@@ -82,7 +69,7 @@ class ScenarioFlags:
         base = Scenario() if self.scenario is None else load_scenario(self.scenario)
         try:
             return base.replace(**(given | self._scenario_settings()))
-        except ScenarioError as error:
+        except FieldError as error:
             name = error.key.partition("[")[0]
             if name not in given:
                 raise

@@ -11,9 +11,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.cli.options import assignments
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
+from maipp.records import assignments
 from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without

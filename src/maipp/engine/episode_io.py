@@ -5,23 +5,25 @@ import io
 import json
 import os
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from maipp.belief import PriorSamples
-from maipp.engine.checked_json import Key, pretty
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
+from maipp.engine.episode_numbers import Above0, numbers, wholes
 from maipp.engine.episode_place import read_reference
 from maipp.engine.state import REASONS
-from maipp.errors import InputError
 from maipp.files import read_text, write_atomic
-from maipp.scenario import Scenario, ScenarioError
+from maipp.records import Value, Within, pretty, read_json
+from maipp.records.kinds import Finite
+from maipp.scenario import Scenario
 from maipp.seeds import LARGEST_SEED
 
 SCHEMA = "maipp.episode/1"
 
-_PRECISIONS = ("float32", "float64")
+_Whole = Annotated[int, Within(0, wide=True)]
+_Reason = Literal[tuple(filter(None, REASONS))]  # type: ignore[valid-type]
 StrPath = str | os.PathLike[str]
 
 
@@ -68,50 +70,37 @@ def read_episode(path: StrPath) -> Episode:
 
 def parse_episode(text: str, *, source: str = "episode") -> Episode:
     """The episode in JSON text; errors name `source`."""
-    try:
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{source}:{error.lineno}: not JSON, or cut short: {error.msg}") from None
-    except (RecursionError, ValueError):  # a number of 5000 digits is a ValueError
-        raise InputError(f"{source}: not an episode: nested too deeply, or a number too long") from None
-    record = Key(source, "", content)
-    if (schema := record["schema"].text()) != SCHEMA:
-        record["schema"].wrong(f"{schema!r} is not a schema that this version reads; it reads {SCHEMA!r}")
-    precision = record["precision"].text()
-    if precision not in _PRECISIONS:
-        record["precision"].wrong(f"{precision!r} is neither of {', '.join(_PRECISIONS)}")
-    real = np.dtype(precision)
+    record = read_json(text, source)
+    record["schema"].fit(Literal[SCHEMA], f"{SCHEMA!r}, the one that this version reads")  # type: ignore[valid-type]
+    real = np.dtype(record["precision"].fit(Literal["float32", "float64"]))
     scenario = _scenario(record["scenario"])
     side, team = scenario.grid, scenario.agents
-    agents = tuple(_read_agent(agent, scenario, real) for agent in record["agents"].items(team))
+    agents = tuple(_read_agent(agent, scenario, real) for agent in record["agents"].items(count=team))
     _check_known(record["agents"], agents)
     metrics = record["metrics"]
-    time = metrics["curve"]["time"].numbers(real)
-    if not len(time):
-        metrics["curve"]["time"].wrong("is empty; it has at least the time 0")
-    outside = record["outside"].wholes(below=side * side)
+    time = numbers(metrics["curve"]["time"], real, empty="it has at least the time 0")
     inside = np.ones(side * side, bool)
-    inside[outside] = False
+    inside[wholes(record["outside"], side * side - 1)] = False
     return Episode(
         scenario=scenario,
-        planner=record["planner"]["name"].text(),
+        planner=record["planner"]["name"].fit(str),
         options=_options(record["planner"]["options"]),
-        seed=record["seed"].whole(LARGEST_SEED + 1),
-        index=record["index"].whole(),
+        seed=record["seed"].fit(Annotated[int, Within(0, most=LARGEST_SEED, wide=True)]),
+        index=record["index"].fit(_Whole),
         agents=agents,
-        truth=np.stack([row.numbers(real, side) for row in record["truth"].items(side)]).reshape(-1),
+        truth=np.stack([numbers(row, real, side) for row in record["truth"].items(count=side)]).reshape(-1),
         inside=inside,
-        message_bytes=record["message_bytes"].whole(),
+        message_bytes=record["message_bytes"].fit(_Whole),
         reference=read_reference(record["mapping"], scenario),
         prior=_read_prior(record["prior"], real) if "prior" in record.mapping() else None,
         recorded=EpisodeMetrics(
-            trace=metrics["trace"].number(),
-            own_trace=metrics["own_trace"].numbers(real, team),
-            true_trace=metrics["true_trace"].number(),
-            rmse=metrics["rmse"].number(),
-            mutual_information=metrics["mutual_information"].number(),
+            trace=metrics["trace"].fit(Finite),
+            own_trace=numbers(metrics["own_trace"], real, team),
+            true_trace=metrics["true_trace"].fit(Finite),
+            rmse=metrics["rmse"].fit(Finite),
+            mutual_information=metrics["mutual_information"].fit(Finite),
             curve_time=time,
-            curve_trace=metrics["curve"]["trace"].numbers(real, len(time)),
+            curve_trace=numbers(metrics["curve"]["trace"], real, len(time)),
         ),
     )
 
@@ -151,9 +140,9 @@ def _csv(header: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     # A file whose columns are called "time" or both alike would give a table whose columns cannot be told apart.
     writer.writerow(name if header.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(header))
-    for agent, order, *numbers in rows:
+    for agent, order, *rest in rows:
         # Ten digits: more than float32 holds, and centimetres in any map projection.
-        writer.writerow([agent, order, *(f"{shortest(number):.10g}" for number in numbers)])
+        writer.writerow([agent, order, *(f"{shortest(number):.10g}" for number in rest)])
     return text.getvalue()
 
 
@@ -188,7 +177,7 @@ def _plain(array: np.ndarray) -> list:
     return [_plain(row) if array.ndim > 1 else shortest(row) for row in array]
 
 
-def _options(key: Key) -> dict[str, Any]:
+def _options(key: Value) -> dict[str, Any]:
     """The planner's options, which are as the planner wrote them: any JSON."""
     options = key.mapping()
     try:
@@ -198,71 +187,54 @@ def _options(key: Key) -> dict[str, Any]:
     return options
 
 
-def _scenario(key: Key) -> Scenario:
+def _scenario(key: Value) -> Scenario:
     for option in Scenario.__dataclass_fields__:
         key[option]  # a default in place of what was left out would replay another survey
-    try:
-        return Scenario.from_dict(key.mapping())
-    except ScenarioError as error:
-        Key(key.source, f"{key.name}.{error.key}", None).wrong(error.problem)
+    return key.make(Scenario.create, key.mapping())
 
 
-def _read_agent(key: Key, scenario: Scenario, real: np.dtype) -> AgentRecord:
+def _read_agent(key: Value, scenario: Scenario, real: np.dtype) -> AgentRecord:
     route, measured = key["route"], key["measurements"]
-    route_time, measurement_time = route["time"].numbers(real), measured["time"].numbers(real)
-    if not len(route_time):
-        route["time"].wrong("is empty; a route has at least its start")
+    route_time = numbers(route["time"], real, empty="a route has at least its start")
+    measurement_time = numbers(measured["time"], real)
     if len(measurement_time) > scenario.measurements_per_agent:
         allowed = scenario.measurements_per_agent
         measured["time"].wrong(f"has {len(measurement_time)} entries; the scenario allows {allowed} measurements")
-    for name, times in (("route.time", route_time), ("measurements.time", measurement_time)):
+    for there, times in ((route, route_time), (measured, measurement_time)):
         if (np.diff(times) < 0).any():
-            Key(key.source, f"{key.name}.{name}", None).wrong("goes back; times must not fall")
-    budget, speed = key["budget"].number(), key["speed"].number()
-    for name, value in (("budget", budget), ("speed", speed)):
-        if value <= 0:
-            key[name].wrong(f"is {value}; it must be above 0")
+            there["time"].wrong("goes back; times must not fall")
 
-    def points(of: Key, count: int) -> np.ndarray:
-        return np.stack([of["x"].numbers(real, count), of["y"].numbers(real, count)], axis=-1)
+    def points(of: Value, count: int) -> np.ndarray:
+        return np.stack([numbers(of[axis], real, count) for axis in "xy"], axis=-1)
 
     return AgentRecord(
-        start=key["start"].numbers(real, 2),
-        budget=budget,
-        speed=speed,
-        distance=key["distance"].number(),
-        decisions=key["decisions"].whole(),
+        start=numbers(key["start"], real, 2),
+        budget=key["budget"].fit(Above0),
+        speed=key["speed"].fit(Above0),
+        distance=key["distance"].fit(Finite),
+        decisions=key["decisions"].fit(_Whole),
         route=points(route, len(route_time)),
         route_time=route_time,
         measurement_x=points(measured, len(measurement_time)),
-        measurement_y=measured["value"].numbers(real, len(measurement_time)),
+        measurement_y=numbers(measured["value"], real, len(measurement_time)),
         measurement_time=measurement_time,
-        known=key["known"].wholes(scenario.agents),
-        stopped_by=_read_reason(key["stopped_by"]) if "stopped_by" in key.mapping() else None,
+        known=wholes(key["known"], count=scenario.agents),
+        stopped_by=key["stopped_by"].fit(_Reason) if "stopped_by" in key.mapping() else None,
     )
 
 
-def _read_reason(key: Key) -> str:
-    reason = key.text()
-    if reason not in REASONS:
-        key.wrong(f"{reason!r} is no reason to stop; there are {', '.join(filter(None, REASONS))}")
-    return reason
-
-
-def _read_prior(key: Key, real: np.dtype) -> PriorSamples:
-    values = key["value"].numbers(real)
+def _read_prior(key: Value, real: np.dtype) -> PriorSamples:
+    values = numbers(key["value"], real, empty="leave prior out where there are no samples")
     count = len(values)
-    if not count:
-        key["value"].wrong("is empty; leave prior out where there are no samples")
-    noise = None if key["noise"].value is None else key["noise"].numbers(real, count)
+    noise = None if key["noise"].value is None else numbers(key["noise"], real, count)
     if noise is not None and (noise < 0).any():
         key["noise"].wrong("goes below 0; it is the variance of a sample's noise")
-    return PriorSamples(np.stack([key[name].numbers(real, count) for name in "xy"], axis=-1), values, noise)
+    return PriorSamples(np.stack([numbers(key[name], real, count) for name in "xy"], axis=-1), values, noise)
 
 
-def _check_known(key: Key, agents: tuple[AgentRecord, ...]) -> None:
+def _check_known(key: Value, agents: tuple[AgentRecord, ...]) -> None:
     for i, agent in enumerate(agents):
         for j, count in enumerate(agent.known):
             if count > len(agents[j].measurement_y):
-                where = Key(key.source, f"{key.name}[{i}].known[{j}]", None)
-                where.wrong(f"is {count}, but agent {j} took {len(agents[j].measurement_y)} measurements")
+                measured = len(agents[j].measurement_y)
+                key.at(f"[{i}].known[{j}]").wrong(f"is {count}, but agent {j} took {measured} measurements")

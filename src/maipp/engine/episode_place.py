@@ -1,33 +1,30 @@
 """The place and the units of a recorded survey, read from its file (docs/episode.md, `mapping`)."""
 
-import numpy as np
-
-from maipp.engine.checked_json import Key
+from maipp.engine.episode_numbers import Above0
 from maipp.geo import PLANE, Crs, GeoReference
+from maipp.records import Value
+from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
 
+_Pair = tuple[Finite, Finite]
+_Sides = tuple[Above0, Above0]
 
-def read_reference(key: Key, scenario: Scenario) -> GeoReference | None:
+
+def read_reference(key: Value, scenario: Scenario) -> GeoReference | None:
     """The reference of a record; None where it is in domain units. Raises `InputError` for one that leads nowhere.
 
     What records of earlier versions lack is not known of them: the systems, and how long a unit is on the ground.
     """
     if key.value is None:
         return None
-    origin, size, domain = (_pair(key[name]) for name in ("origin", "size", "domain"))
-    zero, one = key["value_at_zero"].number(), key["value_at_one"].number()
-    for name, sides in (("size", size), ("domain", domain)):
-        if min(sides) <= 0:
-            key[name].wrong(f"is {list(sides)}; both must be above 0")
+    origin, size, domain = key["origin"].fit(_Pair), key["size"].fit(_Sides), key["domain"].fit(_Sides)
+    zero, one = key["value_at_zero"].fit(Finite), key["value_at_one"].fit(Finite)
     if domain != scenario.extent:
         key["domain"].wrong(f"is {list(domain)}, but scenario.extent is {list(scenario.extent)}")
     if zero == one:
         key["value_at_one"].wrong("is the same as value_at_zero")
-    names = [
-        key[name].text() if key[name].value is not None else other
-        for name, other in (("x_name", "x"), ("y_name", "y"), ("value_name", "value"))
-    ]
-    later = key.mapping()
+    given = [key[name].fit(str | None) for name in ("x_name", "y_name", "value_name")]
+    names = [name if told is None else told for name, told in zip(("x", "y", "value"), given, strict=True)]
     return GeoReference(
         origin,
         size,
@@ -35,29 +32,11 @@ def read_reference(key: Key, scenario: Scenario) -> GeoReference | None:
         zero,
         one,
         *names,
-        plane=_crs(key["plane"]) if "plane" in later else PLANE,
-        user=_crs(key["user"]) if later.get("user") is not None else None,
-        metres_per_unit=_positive(key["metres_per_unit"]) if "metres_per_unit" in later else None,
+        plane=_crs(key["plane"]) if "plane" in key.mapping() else PLANE,
+        user=_crs(key["user"]) if "user" in key else None,
+        metres_per_unit=key["metres_per_unit"].fit(Above0 | None) if "metres_per_unit" in key else None,
     )
 
 
-def _pair(key: Key) -> tuple[float, float]:
-    first, second = key.numbers(np.dtype(np.float64), 2).tolist()
-    return first, second
-
-
-def _positive(key: Key) -> float | None:
-    if key.value is None:
-        return None
-    number = key.number()
-    if number <= 0:
-        key.wrong(f"is {number}; it must be above 0")
-    return number
-
-
-def _crs(key: Key) -> Crs:
-    geographic = key["geographic"].value
-    if not isinstance(geographic, bool):
-        key["geographic"].wrong("must be true or false")
-    name = None if key["crs"].value is None else key["crs"].text()
-    return Crs(name, geographic, _positive(key["metres"]))
+def _crs(key: Value) -> Crs:
+    return Crs(key["crs"].fit(str | None), key["geographic"].fit(bool), key["metres"].fit(Above0 | None))

@@ -5,65 +5,70 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from maipp.live.request import Fields
+from maipp.live.request import LONGEST_ID, Id, Position
+from maipp.records import Length, Value, Within
+from maipp.records.kinds import Finite
 
-_TIME = "a time >= 0 in seconds since the survey's epoch"
-_TRAVELLED = "the length >= 0 of the way since the robot's start"
+_Id = Annotated[Id, f"a text of 1 to {LONGEST_ID} characters that no other event has"]
+_Time = Annotated[float, Within(0, wide=True), "a time >= 0 in seconds since the survey's epoch"]
+_Travelled = Annotated[float, Within(0, wide=True), "the length >= 0 of the way since the robot's start"]
+_Budget = Annotated[float, Within(0, wide=True), "a length >= 0"]
+_Packed = Annotated[str, Length(most=10_000), "the message's own text"]
 
 
 @dataclass(frozen=True)
 class Measurement:
     """A robot measured a value somewhere."""
 
-    id: str
+    id: _Id
     robot: str
-    position: tuple[float, float]
-    value: float
-    time: float
-    travelled: float | None = None  # what its odometer said then; None: not told
+    position: Position
+    value: Finite
+    time: _Time
+    travelled: _Travelled | None = None  # what its odometer said then; None: not told
 
 
 @dataclass(frozen=True)
 class Arrived:
     """A robot is somewhere, having nothing left to travel to, and asks where to go."""
 
-    id: str
+    id: _Id
     robot: str
-    position: tuple[float, float]
-    time: float
-    travelled: float | None = None  # what its odometer says; None: to be worked out from positions
+    position: Position
+    time: _Time
+    travelled: _Travelled | None = None  # what its odometer says; None: to be worked out from positions
 
 
 @dataclass(frozen=True)
 class Gone:
     """A robot is lost or called back: what it announced counts no more."""
 
-    id: str
+    id: _Id
     robot: str
-    time: float
+    time: _Time
 
 
 @dataclass(frozen=True)
 class Budget:
     """A robot's whole budget, start to end, is another one from now on."""
 
-    id: str
+    id: _Id
     robot: str
-    budget: float
-    time: float
+    budget: _Budget
+    time: _Time
 
 
 @dataclass(frozen=True)
 class Heard:
     """A robot that another process plans for told where it is and what it announces."""
 
-    id: str
+    id: _Id
     robot: str
-    position: tuple[float, float]
-    time: float
-    packed: str  # of the message in that process's answer
+    position: Position
+    time: _Time
+    packed: _Packed  # of the message in that process's answer
 
 
 Event = Measurement | Arrived | Gone | Budget | Heard
@@ -82,21 +87,14 @@ def read_event(values: dict[str, Any], robots: Sequence[str]) -> Event:
 
     Raises `InputError` for a key that is missing, unknown or wrong.
     """
-    fields = Fields(values, "event")
-    kind = KINDS[fields.one_of("event", KINDS, "event")]
-    readers = {
-        "id": lambda: fields.text("id", "a text of 1 to 200 characters that no other event has"),
-        "robot": lambda: fields.one_of("robot", robots, "robot"),
-        "position": lambda: fields.point("position"),
-        "value": lambda: fields.number("value", "a finite number"),
-        "time": lambda: fields.number("time", _TIME, 0.0),
-        "travelled": lambda: fields.optional_number("travelled", _TRAVELLED, 0.0),
-        "budget": lambda: fields.number("budget", "a length >= 0", 0.0),
-        "packed": lambda: fields.text("packed", "the message's own text", 10_000, empty=True),
-    }
-    given = {field.name: readers[field.name]() for field in dataclasses.fields(kind)}
-    fields.done()
-    return kind(**given)
+    report = Value(values)
+    kind = KINDS[report["event"].fit(Literal[tuple(KINDS)])]  # type: ignore[valid-type]
+    known = Literal[tuple(robots)]  # type: ignore[valid-type]
+    event = report.record(kind, {"robot": lambda robot: robot.fit(known)}, beside=["event"])
+    numbers = {key: value for key, value in vars(event).items() if isinstance(value, float | tuple)}
+    # -0.0 becomes 0.0: both mean the same
+    zero = {key: tuple(x + 0.0 for x in n) if isinstance(n, tuple) else n + 0.0 for key, n in numbers.items()}
+    return dataclasses.replace(event, **zero)
 
 
 def write_event(event: Event) -> dict[str, Any]:

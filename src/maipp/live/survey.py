@@ -17,7 +17,7 @@ from maipp.live.events import Arrived, Event, fingerprint, read_event, write_eve
 from maipp.live.journal import Journal
 from maipp.live.measurements import Measurements, Sample
 from maipp.live.messages import describe, pack
-from maipp.live.request import PROTOCOL, Fields
+from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
 from maipp.live.whole import whole
@@ -26,9 +26,6 @@ from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
-
-# Most points of one question for the belief.
-_MOST_POINTS = 10_000
 
 
 class LiveSurvey:
@@ -123,7 +120,7 @@ class LiveSurvey:
         if "event" in request:
             return self.report(read_event(request, self.setup.robots))
         if "query" in request:
-            return self._ask(Fields(request, "query"))
+            return self._ask(read_query(request))
         raise InputError("neither an event nor a query; give one of the keys `event` and `query`")
 
     def report(self, event: Event) -> dict[str, Any]:
@@ -201,16 +198,12 @@ class LiveSurvey:
 
     # How events become answers, and what they change.
 
-    def _ask(self, fields: Fields) -> dict[str, Any]:
-        query = fields.one_of("query", ("hello", "state", "belief"), "query")
-        name = {"id": fields.text("id", "a text of 1 to 200 characters")} if fields.has("id") else {}
-        points = fields.points("points", _MOST_POINTS) if query == "belief" and fields.has("points") else None
-        if query == "hello" and fields.has("protocol"):
-            protocol = fields.text("protocol", PROTOCOL)
-            if protocol != PROTOCOL:
-                fields.wrong("protocol", f"{protocol[:60]!r} is not spoken here; this is {PROTOCOL}")
-        fields.done()
-        answer = self.belief(points) if query == "belief" else self.hello() if query == "hello" else self.state()
+    def _ask(self, query: Query) -> dict[str, Any]:
+        name = {} if query.id is None else {"id": query.id}
+        if isinstance(query, Belief):
+            answer = self.belief(query.points)
+        else:
+            answer = self.hello() if isinstance(query, Hello) else self.state()
         return {"answer": answer.pop("answer")} | name | answer
 
     def _robot(self, event: Event) -> Robot:

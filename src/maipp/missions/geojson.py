@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from maipp.engine.checked_json import pretty
 from maipp.errors import InputError
 from maipp.missions.decimals import counterclockwise, rounded, seconds
 from maipp.missions.distance import distances
 from maipp.missions.route_plan import Ring, Route, RoutePlan
+from maipp.records import pretty
 
 
 def geojson_file(plan: RoutePlan) -> str:

@@ -1,10 +1,10 @@
 """The plan as JSON in metres, where it has no place on the globe; marked so that nobody takes it for GeoJSON."""
 
-from maipp.engine.checked_json import pretty
 from maipp.errors import InputError
 from maipp.missions.decimals import rounded, seconds
 from maipp.missions.distance import distances
 from maipp.missions.route_plan import RoutePlan
+from maipp.records import pretty
 
 SCHEMA = "maipp.routes-in-metres/1"
 

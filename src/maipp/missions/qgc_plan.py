@@ -6,11 +6,11 @@ mission and 2 of the fence; commands, frames and their parameters are MAVLink's 
 
 from typing import Any
 
-from maipp.engine.checked_json import pretty
 from maipp.errors import InputError
 from maipp.missions.decimals import counterclockwise, rounded
 from maipp.missions.route_plan import Ring, Route, RoutePlan
 from maipp.missions.vehicle import AUTOPILOTS, KINDS, Vehicle
+from maipp.records import pretty
 
 # MAV_CMD
 _WAYPOINT, _RETURN, _TAKEOFF, _CHANGE_SPEED = 16, 20, 22, 178

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from maipp.errors import InputError
-from maipp.planners.options import PlannerOption, options_of, read_options, unknown
+from maipp.planners.options import options_of, read_options
+from maipp.records import Field, unknown
 from maipp.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def planner_class(name: str) -> "type[maipp.engine.decision.Planner]":
     return found
 
 
-def planner_options(name: str) -> tuple[PlannerOption, ...]:
+def planner_options(name: str) -> tuple[Field, ...]:
     """The options of a planner, with what its name presets as their defaults."""
     return options_of(planner_class(name), find_planner(name).presets)
 

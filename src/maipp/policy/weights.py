@@ -1,10 +1,12 @@
 """Weights as files: float32 tensors in safetensors, with a JSON card beside them that says what they are."""
 
+import dataclasses
 import hashlib
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import equinox as eqx
 import jax
@@ -16,12 +18,25 @@ from safetensors.numpy import save
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.policy.network import PolicyNetwork
+from maipp.records import Value, Within, read_json
 
 SCHEMA = "maipp.policy/1"
 
-# The architecture's sizes and the largest a card may ask for: a slip of the pen must not fill the memory.
-_LARGEST = {"width": 8192, "heads": 8192, "encoder_layers": 64, "encoding_dimensions": 8192}
 StrPath = str | os.PathLike[str]
+
+# The largest that a card may ask for: a slip of the pen must not fill the memory.
+_Size = Annotated[int, Within(1, most=8192)]
+
+
+@dataclass(frozen=True)
+class _Architecture:
+    """The arguments of `PolicyNetwork` that a card names."""
+
+    width: _Size
+    heads: _Size
+    encoder_layers: Annotated[int, Within(1, most=64)]
+    encoding_dimensions: _Size
+    use_intent: bool
 
 
 def save_weights(network: PolicyNetwork, path: StrPath, card: dict[str, Any]) -> None:
@@ -54,7 +69,7 @@ def load_weights(path: StrPath) -> tuple[PolicyNetwork, dict[str, Any]]:
     """
     target, card_path = _paths(path)
     card = _read_card(card_path)
-    architecture = _architecture(card, card_path)
+    architecture = dataclasses.asdict(card["architecture"].record(_Architecture))
     content = _read(target)
     try:
         tensors = dict(deserialize(content))
@@ -72,9 +87,9 @@ def load_weights(path: StrPath) -> tuple[PolicyNetwork, dict[str, Any]]:
         if name not in tensors:
             raise InputError(f"{target}: {name} is missing; the architecture in {card_path.name} has it")
         leaves.append(_tensor(tensors[name], leaf.shape, f"{target}: {name}"))
-    if card["sha256"] != _digest(content):
+    if card.value["sha256"] != _digest(content):
         raise InputError(f"{target}: not the weights that {card_path.name} describes (sha256 differs); copy both files")
-    return jax.tree.unflatten(jax.tree.structure(shape), leaves), card
+    return jax.tree.unflatten(jax.tree.structure(shape), leaves), card.value
 
 
 def _paths(path: StrPath) -> tuple[Path, Path]:
@@ -104,43 +119,17 @@ def _read(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
-def _read_card(path: Path) -> dict[str, Any]:
+def _read_card(path: Path) -> Value:
     """The card, with all the keys it must have."""
-    content = _read(path)
+    card = read_json(_read(path), str(path))
+    for key in ("architecture", "sha256"):
+        card[key]
+    card["schema"].fit(Literal[SCHEMA], f"{SCHEMA!r}, the one that this version reads")  # type: ignore[valid-type]
     try:
-        card = json.loads(content)
-        json.dumps(card, allow_nan=False)  # Python reads NaN and 1e999, which are no JSON and no results
-    except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, nested too deeply
-        raise InputError(f"{path}: not JSON, or cut short: {error}") from None
-    if not isinstance(card, dict):
-        raise InputError(f"{path}: must hold a JSON object, the card of the weights")
-    for key in ("schema", "architecture", "sha256"):
-        if key not in card:
-            raise InputError(f"{path}: {key} is missing; the card must hold it")
-    if card["schema"] != SCHEMA:
-        raise InputError(f"{path}: schema: {card['schema']!r} is not one this version reads; it reads {SCHEMA!r}")
+        json.dumps(card.value, allow_nan=False)  # Python reads NaN and 1e999, which are no JSON and no results
+    except ValueError:
+        card.wrong("not JSON: holds a number that is not finite")
     return card
-
-
-def _architecture(card: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The arguments of `PolicyNetwork` that the card names, checked."""
-    architecture = card["architecture"]
-    if not isinstance(architecture, dict):
-        raise InputError(f"{path}: architecture must be an object of keys and values")
-    known = (*_LARGEST, "use_intent")
-    for key in known:
-        if key not in architecture:
-            raise InputError(f"{path}: architecture.{key} is missing; the card must hold it")
-    for key, value in architecture.items():
-        if key not in known:
-            raise InputError(f"{path}: architecture.{key} is unknown to this version; it knows {', '.join(known)}")
-        if key == "use_intent" and not isinstance(value, bool):
-            raise InputError(f"{path}: architecture.use_intent is {value!r}; it must be true or false")
-        if key != "use_intent" and (type(value) is not int or not 1 <= value <= _LARGEST[key]):
-            raise InputError(
-                f"{path}: architecture.{key} is {value!r}; it must be a whole number from 1 to {_LARGEST[key]}"
-            )
-    return architecture
 
 
 def _tensor(tensor: dict[str, Any], shape: tuple[int, ...], where: str) -> jax.Array:

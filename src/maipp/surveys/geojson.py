@@ -1,6 +1,5 @@
 """Polygons as people write them: GeoJSON files, the same inline, and plain lists of positions."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -12,7 +11,7 @@ from shapely.validation import explain_validity
 from maipp.errors import InputError
 from maipp.files import read_text
 from maipp.geo import WGS84, Crs, check_degrees, read_crs, unwrap
-from maipp.scenario_checks import show
+from maipp.records import read_json, show
 from maipp.typing import Float
 
 _SHAPES = "a Polygon, MultiPolygon, Feature or FeatureCollection"
@@ -33,13 +32,7 @@ def load_geojson(path: Path, otherwise: Crs | None = WGS84) -> list[Rings]:
     Raises `InputError` naming the file, and in it the place of what is wrong.
     """
     text = read_text(path, "polygons", "a GeoJSON file")
-    try:
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}:{error.lineno}: not JSON, or cut short: {error.msg}; give a GeoJSON file") from None
-    except (RecursionError, ValueError):  # a number of 5000 digits is a ValueError
-        raise InputError(f"{path}: nested too deeply, or a number too long; give a GeoJSON file") from None
-    return polygons_in(content, str(path), otherwise)
+    return polygons_in(read_json(text, str(path)).value, str(path), otherwise)
 
 
 def polygons_in(content: object, where: str, otherwise: Crs | None = None) -> list[Rings]:

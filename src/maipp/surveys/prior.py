@@ -54,7 +54,7 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
         given = (kernel.length_scale_m, kernel.mean, kernel.std)
         if any(value is None for value in given):
             fit = _fit(survey, x, values, kernel.mean)
-            warnings += [f"{survey.samples.path.name}: {warning}" for warning in fit.warnings]
+            warnings += [f"{survey.samples.file.name}: {warning}" for warning in fit.warnings]
     metres, mean, std, assumed = _kernel(survey, fit, math.sqrt(space.region.area))
     if assumed:
         warnings.append(
@@ -126,7 +126,7 @@ def _samples(
 ) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
     """The samples in and near the area: local metres and values in the unit."""
     assert survey.samples is not None
-    path = survey.samples.path
+    path = survey.samples.file
     samples = load_samples(path, **survey.samples.columns)
     values = np.asarray(samples.value, np.float64)
     if samples.dropped:
@@ -161,4 +161,4 @@ def _fit(survey: Survey, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, 
     try:
         return fit_kernel(x, values, mean=mean)
     except InputError as error:
-        raise InputError(f"{survey.samples.path}: {error}; or give length_scale_m, mean and std under kernel") from None
+        raise InputError(f"{survey.samples.file}: {error}; or give length_scale_m, mean and std under kernel") from None

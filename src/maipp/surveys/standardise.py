@@ -11,7 +11,8 @@ from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.geo import Crs, GeoReference, unwrap, wrap
-from maipp.scenario import Scenario, ScenarioError
+from maipp.records import FieldError
+from maipp.scenario import Scenario
 from maipp.surveys.area import FreeSpace, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
 from maipp.surveys.place import Place, PlaceNames, find_place, starts_of
@@ -159,7 +160,7 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
     _check_measurements(survey, warnings)
     try:
         scenario = Scenario.from_dict(values | dict(survey.scenario))
-    except ScenarioError as error:
+    except FieldError as error:
         key = error.key.partition("[")[0]
         told = {"measurement_interval": "measurement_spacing_m", "comm_range": "communication_range_m"}
         named = f"scenario.{key}" if key in survey.scenario else told.get(key, "robots" if key == "budget" else key)

@@ -3,13 +3,30 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from maipp.geo import Crs
 from maipp.missions.vehicle import Vehicle
+from maipp.records import Within, described
+from maipp.seeds import LARGEST_SEED
 from maipp.surveys.geojson import Rings
 
-Pair = tuple[float, float]
+DEFAULT_PLANNER = "receding-horizon"
+AREA = "a GeoJSON file, GeoJSON, or a list of positions around the border"
+
+
+def _one_line(text: str) -> str | None:
+    return "" if not text.strip() or any(c < " " or "\ud800" <= c <= "\udfff" for c in text) else None
+
+
+Text = Annotated[str, _one_line]
+Number = Annotated[float, Within(-1e30, most=1e30), "a number in the unit"]
+Pair = tuple[Number, Number]
+_Above0 = Annotated[float, Within(above=1e-30, most=1e30)]
+Metres = Annotated[_Above0, "a length > 0, in metres"]
+_NotNegative = Annotated[float, Within(0, most=1e30)]
+Column = Annotated[Text, "the name of an array or column"]
+Fields = Annotated[int, Within(1, most=10_000), "a raster, or a number of fields from 1 to 10000"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +38,17 @@ class Robot:
     budget_m: float  # longest path it may travel, metres
     speed: float  # metres per second
     where: str = "robots"  # file, line and key, for errors
+
+
+@dataclass(frozen=True)
+class RobotKeys:
+    """One robot as the file has it."""
+
+    start: Pair  # in the mission's coordinates
+    speed: Annotated[float, Within(1e-3, most=1e3), "a speed in m/s, from 0.001 to 1000"]
+    name: Annotated[Text, "a name"] | None = None
+    budget_m: Metres | None = None
+    budget_minutes: Annotated[_Above0, "a time > 0, in minutes"] | None = None
 
 
 @dataclass(frozen=True)
@@ -36,62 +64,82 @@ class RasterArea:
 
 
 @dataclass(frozen=True)
+class RasterAreaKeys:
+    """The same as the file has it."""
+
+    raster: Path = described(allowed="the path of a raster")
+    value: Column | None = None
+    below: Annotated[Number, "a level in the raster's unit"] | None = None
+    above: Annotated[Number, "a level in the raster's unit"] | None = None
+    crs: Crs | None = None
+
+
+@dataclass(frozen=True)
 class Kernel:
     """What is known of the quantity beforehand; None is fitted from samples, or assumed."""
 
-    length_scale_m: float | None = None  # metres over which values stay alike
-    mean: float | None = None  # in the unit
-    std: float | None = None  # in the unit
+    length_scale_m: Metres | None = None  # over which values stay alike
+    mean: Number | None = None  # in the unit
+    std: Annotated[_Above0, "a standard deviation > 0, in the unit"] | None = None
 
 
 @dataclass(frozen=True)
 class SampleFile:
     """Old measurements: a CSV file and which of its columns hold what."""
 
-    path: Path
-    columns: Mapping[str, str] = field(default_factory=dict)  # "x", "y", "value" -> name of the column
-    where: str = "samples"
+    file: Path = described(allowed="the path of a CSV file")
+    x: Column | None = None
+    y: Column | None = None
+    value: Column | None = None
     crs: Crs | None = None  # of its positions; None: degrees where the columns' names say so, else the mission's
+    where: str = "samples"
+
+    @property
+    def columns(self) -> Mapping[str, str]:
+        """The names of the columns that are told, under "x", "y" and "value"."""
+        return {key: name for key in ("x", "y", "value") if (name := getattr(self, key)) is not None}
 
 
 @dataclass(frozen=True)
 class Rehearsal:
     """What a rehearsal runs on: the user's raster, or fields drawn from the prior."""
 
-    raster: Path | None = None
-    value: str | None = None
-    fields: int = 30
+    raster: Path | None = described(None, allowed="the path of a raster")
+    value: Column | None = None
+    fields: Fields = 30
     crs: Crs | None = None  # of the raster's coordinates, in place of what the file says
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Survey:
     """One mission file. Coordinates are as written, lengths metres, values in the quantity's unit."""
 
     source: str  # the file, for errors
-    name: str
-    area: tuple[Rings, ...] | RasterArea
-    no_go: tuple[tuple[Rings, ...], ...]  # one entry for each zone of the file
-    metres: bool  # coordinates are metres, not degrees
-    crs: Crs | None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any
-    clearance_m: float
-    robots: tuple[Robot, ...]
-    measurement_spacing_m: float
-    quantity: str | None
-    unit: str | None
-    threshold: float | None  # None: every place matters alike
-    below: bool  # values below the threshold matter
-    samples: SampleFile | None
-    noise: float | None  # standard deviation of a measurement, in the unit
-    kernel: Kernel
-    communication_range_m: float | None  # None: at any distance
-    vehicle: Vehicle  # whom the mission files are for
-    planner: str
-    planner_options: Mapping[str, Any]
-    scenario: Mapping[str, Any]  # settings of the scenario that the file changes
-    rehearsal: Rehearsal
-    seed: int
     lines: Mapping[str, int] = field(default_factory=dict, repr=False)  # line of every key, for errors
+    name: Annotated[Text, "a name"] = "survey"
+    area: tuple[Rings, ...] | RasterArea = described(allowed=AREA)
+    no_go: tuple[tuple[Rings, ...], ...] = ()  # one entry for each zone of the file
+    metres: bool = False  # coordinates are metres, not degrees
+    crs: Crs | None = (
+        None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any
+    )
+    clearance_m: Annotated[_NotNegative, "a length >= 0, in metres"] = 0.0
+    robots: tuple[Robot, ...] = described(allowed="a list of robots, one at least")
+    measurement_spacing_m: Metres
+    quantity: Annotated[Text, "the name of what is measured"] | None = None
+    unit: Annotated[Text, "a unit, such as ug/L"] | None = None
+    threshold: Number | None = None  # None: every place matters alike
+    below: bool = False  # values below the threshold matter
+    samples: SampleFile | None = None
+    noise: Annotated[_NotNegative, "a standard deviation >= 0, in the unit"] | None = None  # of a measurement
+    kernel: Kernel = Kernel()
+    communication_range_m: Annotated[Metres, "a length > 0, in metres, or null for any distance"] | None = None
+    vehicle: Vehicle = Vehicle()  # whom the mission files are for
+    planner: Annotated[Text, "the name of a planner"] = DEFAULT_PLANNER
+    planner_options: Annotated[dict[str, Any], "a mapping of options to values"] = field(default_factory=dict)
+    scenario: Mapping[str, Any] = field(default_factory=dict)  # settings of the scenario that the file changes
+    rehearsal: Rehearsal = Rehearsal()
+    seed: Annotated[int, Within(0, most=LARGEST_SEED, wide=True)] = 0
 
     def where(self, key: str) -> str:
         """File, line and key, to begin an error with."""

@@ -1,22 +1,27 @@
 """How a policy is trained: every number of it, named, checked, and round-tripping through YAML."""
 
 import dataclasses
-import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, NoReturn, no_type_check
 
-from maipp.errors import InputError
-from maipp.scenario import Scenario, ScenarioError
-from maipp.seeds import LARGEST_SEED, check_seed
+from maipp.records import FieldError, Within, described, settle, show
+from maipp.records.kinds import Ascending, AtLeast1, Finite, Positive, Real
+from maipp.scenario import Scenario
+from maipp.seeds import LARGEST_SEED
 
 # Added to the seeds that training draws worlds from: `maipp evaluate --seed` below this never meets any of them.
 TRAINING_SEEDS = 1_000_000_000
 
-
-Range = float | tuple[float, float]  # a number, or the ends that each mission's is drawn between
+Range = Real | tuple[Real, Real]  # a number, or the ends that each mission's is drawn between
 
 # Numbers of a scenario that may be ranges, besides the budget and the communication range.
 RANGES = ("length_scale", "threshold", "beta", "noise", "measurement_interval", "speed")
+
+# What stands before the key in errors of a configuration that comes from no file.
+_WHERE = "training."
+
+_Above0 = Annotated[float, Within(above=0, wide=True)]
+_Fraction = Annotated[float, Within(0, most=1)]
 
 
 def ends(value: Any) -> tuple[Any, Any]:
@@ -30,113 +35,116 @@ class TrainConfig:
 
     Missions are split into `shards` that shuffle their own minibatches and average their gradients, wherever they run:
     the result does not depend on how many devices share the shards, up to rounding.
-    Raises InputError for the first value out of range.
+    Texts may stand for values, as they are typed. Raises `FieldError` for the first value out of range.
     """
 
-    policy: Literal["ti", "sga-catnipp"] = "ti"  # what is trained
-    seed: int = 0
+    policy: Literal["ti", "sga-catnipp"] = described(
+        "ti", "what is trained: `ti` (with intents; for `di`, `ti`, `ti-star`) or `sga-catnipp` (without)"
+    )
+    seed: Annotated[int, Within(0, most=LARGEST_SEED - TRAINING_SEEDS, wide=True)] = described(
+        0, "of everything random: first weights, worlds, steps, shuffling"
+    )
     # The worlds
-    agents: int = 3  # that there is room for
-    team: tuple[int, int] | None = None  # fewest and most that take part in a mission; none: all
-    budget: tuple[float, float] = (1.5, 5.0)  # each mission's is drawn from this range, domain units
-    length_scale: Range = 0.45  # of the belief's kernel, domain units; here and below: one for all missions, or a range
-    threshold: Range = 0.4  # of the high-interest area
-    beta: Range = 1.0  # weight of the uncertainty in it
-    noise: Range = 1e-6  # variance of a measurement's noise
-    measurement_interval: Range = 0.2  # domain units
-    speed: Range = 1.0  # domain units per unit of time; drawn for each robot
-    comm_range: float | None | tuple[float, float | None] = None  # domain units; none: everybody is heard
-    bank: int = 256  # roadmaps drawn beforehand, one team each; seen in 8 symmetries
+    agents: AtLeast1 = described(Scenario.agents, "robots that there is room for")
+    team: Ascending[AtLeast1] | None = described(
+        None,
+        "`[fewest, most]` robots that take part, drawn for each mission; none: all `agents`",
+        allowed="[fewest, most] with 1 <= fewest <= most <= agents, or none",
+    )
+    budget: Ascending[Positive] = described(
+        (1.5, 5.0),
+        "each mission's budget is drawn uniformly from this range, domain units",
+        allowed="[low, high] with 0 < low <= high",
+    )
+    length_scale: Range = described(
+        Scenario.length_scale,
+        "length scale of the belief's kernel, domain units; this and the next six: a number, or "
+        "`[low, high]`, from which each mission's is drawn uniformly",
+    )
+    threshold: Range = described(Scenario.threshold, "of the high-interest area, normalised field units")
+    beta: Range = described(Scenario.beta, "weight of the uncertainty in its upper confidence bound")
+    noise: Range = described(Scenario.noise, "variance of the measurement noise")
+    measurement_interval: Range = described(
+        Scenario.measurement_interval, "distance between measurements, domain units"
+    )
+    speed: Range = described(Scenario.speed, "domain units per unit of time; drawn for each robot")
+    comm_range: Real | None | tuple[Real, Real | None] = described(
+        None,
+        "farthest distance at which robots hear each other, domain units; none: any. "
+        "Of a range such as `[0.3, none]` the inverse is drawn uniformly",
+    )
+    bank: AtLeast1 = described(256, "teams of roadmaps drawn beforehand; each is met in the 8 symmetries of the square")
     # One update
-    shards: int = 2
-    missions: int = 16  # stepped together by each shard
-    events: int = 16  # decisions of each mission per update
-    epochs: int = 2  # passes over them
-    minibatch: int = 64  # decisions of each shard per gradient step
+    shards: AtLeast1 = described(2, "parts that the missions are split into; devices and processes share them evenly")
+    missions: AtLeast1 = described(16, "missions that each shard steps together")
+    events: Annotated[int, Within(2, wide=True)] = described(16, "decisions of each mission per update")
+    epochs: AtLeast1 = described(2, "passes over an update's decisions")
+    minibatch: AtLeast1 = described(64, "decisions of each shard per gradient step; divides missions x events")
     # Sampling
-    paths: int = 4  # trajectories sampled for the intent
-    steps: int = 5  # nodes of each
-    share: Literal["samples", "best"] = "best"  # which of them the intent is fitted to
-    start: str = ""  # weights to begin with: a shipped name or a .safetensors file; none: random ones
+    paths: AtLeast1 = described(4, "trajectories sampled for the intent at each decision (a)")
+    steps: AtLeast1 = described(5, "nodes of each (j)")
+    share: Literal["samples", "best"] = described(
+        "best", "the intent is fitted to all `samples`, or to the `best` of them"
+    )
+    start: str = described("", "weights to begin with: a shipped name or a `.safetensors` file; empty: random ones")
     # Objective
-    imitation: int = 100  # updates at the beginning that imitate the teacher; then reinforcement begins
-    search: int = 48  # updates at the end that learn from the policy's own search
-    search_paths: int = 64  # trajectories sampled for it at each decision
-    elites: int = 4  # the best of them, which are made likelier
-    updates: int = 308  # in all
-    reward: Literal["log-trace", "paper"] = "log-trace"
-    discount: float = 0.99
-    trace_decay: float = 0.95  # lambda of generalised advantage estimation
-    clip: float = 0.2
-    entropy: float = 0.01  # weight of the entropy bonus
-    value: float = 0.5  # weight of the squared error of the value
+    imitation: Annotated[int, Within(0, wide=True)] = described(
+        100, "updates at the beginning that imitate the teacher"
+    )
+    search: Annotated[int, Within(0, wide=True)] = described(
+        48, "updates at the end that learn from the policy's own search"
+    )
+    search_paths: AtLeast1 = described(64, "paths sampled for it at each decision")
+    elites: AtLeast1 = described(4, "the best of them, which are made likelier")
+    updates: AtLeast1 = described(308, "updates in all; those between are PPO")
+    reward: Literal["log-trace", "paper"] = described(
+        "log-trace", "`log-trace`: fall of log Tr(P); `paper`: as in Yang et al. 2023, Sec. IV-C"
+    )
+    discount: _Fraction = described(0.99, "of later rewards")
+    trace_decay: _Fraction = described(0.95, "lambda of generalised advantage estimation")
+    clip: Finite = described(0.2, "how far PPO lets the probability ratio of a choice move from 1")
+    entropy: Finite = described(0.01, "weight of the entropy bonus")
+    value: Finite = described(0.5, "weight of the squared error of the value")
     # Optimiser
-    learning_rate: float = 7e-4
-    search_rate: float = 5e-4  # learning rate at the beginning of the search
-    schedule: Literal["cosine", "steps", "constant"] = "cosine"  # steps: times 0.96 every 32 updates
-    gradient_norm: float = 1.0  # gradients are scaled down to at most this norm
+    learning_rate: _Above0 = described(7e-4, "of Adam, at the beginning")
+    search_rate: _Above0 = described(5e-4, "likewise, at the beginning of the search")
+    schedule: Literal["cosine", "steps", "constant"] = described(
+        "cosine", "of the learning rate: `cosine` (to 2 %), `steps` (times 0.96 every 32 updates), `constant`"
+    )
+    gradient_norm: _Above0 = described(1.0, "gradients are scaled down to at most this norm")
     # Along the way
-    evaluate_every: int = 40  # updates
-    evaluate_instances: int = 30  # held-out worlds
-    evaluate_budget: float = 3.0
-    checkpoint_seconds: float = 120.0
+    evaluate_every: AtLeast1 = described(40, "updates between two held-out evaluations")
+    evaluate_instances: AtLeast1 = described(30, "held-out worlds")
+    evaluate_budget: _Above0 = described(3.0, "their budget, domain units")
+    checkpoint_seconds: _Above0 = described(120.0, "least time between two checkpoints, seconds")
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            numbers = value if isinstance(value, tuple) else (value,)
-            if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
-                raise InputError(f"training: {field.name}: {value}; give finite numbers")
-        least = {"agents": 1, "bank": 1, "shards": 1, "missions": 1, "events": 2, "epochs": 1, "minibatch": 1}
-        least |= {"search": 0, "search_paths": 1, "elites": 1}
-        least |= {"paths": 1, "steps": 1, "imitation": 0, "updates": 1, "evaluate_every": 1, "evaluate_instances": 1}
-        for name, smallest in least.items():
-            if getattr(self, name) < smallest:
-                raise InputError(f"training: {name}: {getattr(self, name)}; give a whole number >= {smallest}")
-        check_seed(self.seed, "training: seed", LARGEST_SEED - TRAINING_SEEDS)
-        for name in (
-            "learning_rate",
-            "search_rate",
-            "gradient_norm",
-            "evaluate_budget",
-            "checkpoint_seconds",
-        ):
-            if not getattr(self, name) > 0:
-                raise InputError(f"training: {name}: {getattr(self, name)}; give a number > 0")
-        for name in ("discount", "trace_decay"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"training: {name}: {getattr(self, name)}; give a number from 0 to 1")
+        settle(self, _WHERE, typed=True)
         if self.imitation + self.search > self.updates:
-            raise InputError(
-                f"training: updates: {self.updates}; give at least imitation + search, {self.imitation + self.search}"
-            )
+            self._wrong("updates", f"give at least imitation + search, {self.imitation + self.search}")
         if self.elites > self.search_paths:
-            raise InputError(f"training: elites: {self.elites}; give at most search_paths, {self.search_paths}")
-        self._check_ranges()
-        if not 0 < self.budget[0] <= self.budget[1]:
-            raise InputError(f"training: budget: {self.budget}; give [low, high] with 0 < low <= high")
+            self._wrong("elites", f"give at most search_paths, {self.search_paths}")
+        if self.team is not None and self.team[1] > self.agents:
+            self._wrong("team", f"give [fewest, most] with 1 <= fewest <= most <= agents, {self.agents}")
         if (self.missions * self.events) % self.minibatch:
-            raise InputError(
-                f"training: minibatch: {self.minibatch} does not divide missions * events = "
-                f"{self.missions * self.events}; give a divisor"
-            )
-
-    def _check_ranges(self) -> None:
-        """Raise InputError for a range that is empty, or has an end that no scenario may have."""
+            self._wrong("minibatch", f"give a divisor of missions * events, {self.missions * self.events}")
         for name in (*RANGES, "comm_range"):
-            low, high = ends(getattr(self, name))
-            if name == "comm_range" and low is None and high is not None:
-                raise InputError(f"training: comm_range: [none, {high}]; give the shorter range first")
-            if low is not None and high is not None and low > high:
-                raise InputError(f"training: {name}: [{low}, {high}]; give [low, high] with low <= high")
-            for end in (low, high):
-                try:
-                    Scenario.create(**{name: end})
-                except ScenarioError as error:
-                    raise InputError(f"training: {name}: {error.problem}") from None
-        if self.team is not None and not 1 <= self.team[0] <= self.team[1] <= self.agents:
-            right = f"[fewest, most] with 1 <= fewest <= most <= agents, {self.agents}"
-            raise InputError(f"training: team: {list(self.team)}; give {right}")
+            self._check_range(name)
+
+    def _wrong(self, key: str, right: str) -> NoReturn:
+        """Raises the error that this key contradicts another one."""
+        raise FieldError(key, f"{show(getattr(self, key))}; {right}", _WHERE)
+
+    def _check_range(self, name: str) -> None:
+        """Raises `FieldError` for a range that is empty, or has an end that no scenario may have."""
+        low, high = ends(getattr(self, name))
+        if high is not None and (low is None or low > high):
+            self._wrong(name, "give the shorter range first" if low is None else "give [low, high] with low <= high")
+        for end in (low, high):
+            try:
+                Scenario.create(**{name: end})
+            except FieldError as error:
+                raise FieldError(name, error.problem, _WHERE) from None
 
     @property
     def minibatches(self) -> int:
@@ -157,6 +165,9 @@ class TrainConfig:
         """The same configuration with these values changed, checked anew."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
+
+# It takes more than its annotations say, and itself says what is wrong with the rest, as that of `Scenario`.
+no_type_check(TrainConfig.__init__)
 
 NAMED: dict[str, TrainConfig] = {
     # Imitation of the receding-horizon planner, then PPO on log Tr(P), then the policy's own search.

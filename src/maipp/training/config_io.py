@@ -2,15 +2,16 @@
 
 import dataclasses
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from maipp.errors import InputError
 from maipp.files import read_text
-from maipp.planners.options import read_options
+from maipp.records import Value, assignments, dump_yaml, read_yaml
 from maipp.training.config import NAMED, TrainConfig
-from maipp.yaml_text import dump_yaml, read_pairs
+
+_KEYS = tuple(TrainConfig.__dataclass_fields__)
 
 
 def find_config(name: str) -> TrainConfig:
@@ -35,54 +36,20 @@ def load_config(path: str | os.PathLike[str]) -> TrainConfig:
 
 def parse_config(text: str, *, source: str = "training") -> TrainConfig:
     """The configuration in YAML text; errors name `source`."""
-    config, lines = NAMED["default"], {}
-    values: dict[str, Any] = {}
-    for key, value, line in read_pairs(text, source, empty="docs/training.md lists the keys"):
-        if key in lines:
-            raise InputError(f"{source}:{line}: {key}: given twice, first on line {lines[key]}; keep one")
-        lines[key] = line
-        values |= _read({key: value}, f"{source}:{line}")
-    try:
-        return config.replace(**values)
-    except InputError as error:
-        raise InputError(f"{source}: {str(error).removeprefix('training: ')}") from None
+    root = read_yaml(text, source, empty="docs/training.md lists the keys")
+    return root.make(NAMED["default"].replace, root.mapping(_KEYS))
 
 
-def override(config: TrainConfig, assignments: Iterable[str]) -> TrainConfig:
+def override(config: TrainConfig, settings: Iterable[str]) -> TrainConfig:
     """The configuration with `key=value` texts applied. Raises InputError for the first that does not fit."""
-    values: dict[str, Any] = {}
-    for item in assignments:
-        key, equals, value = item.partition("=")
-        key = key.strip().replace("-", "_")
-        if not (equals and key):
-            raise InputError(f"--set {item}: not an assignment; give KEY=VALUE, such as seed=1")
-        if key in values:
-            raise InputError(f"--set {key}: given twice; keep one")
-        values |= _read({key: value.strip()}, "--set")
-    try:
-        return config.replace(**values)
-    except InputError as error:
-        raise InputError(f"--set: {str(error).removeprefix('training: ')}") from None
-
-
-def _read(given: Mapping[str, object], where: str) -> dict[str, Any]:
-    """The values as the configuration has them."""
-    try:
-        read = read_options(TrainConfig, given, where=where)
-    except OverflowError:  # a whole number of 400 digits
-        raise InputError(f"{where}: {', '.join(given)}: a number is too large to compute with") from None
-    return {key: read[key] for key in given}
+    typed = Value(assignments([settings]), "--set")
+    return typed.make(config.replace, typed.mapping(_KEYS))
 
 
 def config_to_dict(config: TrainConfig) -> dict[str, Any]:
     """Every key as plain numbers, strings and lists, ready for YAML or JSON."""
     values = dataclasses.asdict(config)
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
-
-
-def config_from_dict(values: Mapping[str, Any], *, source: str = "training") -> TrainConfig:
-    """The configuration with these values; the inverse of `config_to_dict`."""
-    return TrainConfig(**_read(values, source))
 
 
 def dump_config(config: TrainConfig) -> str:

@@ -15,7 +15,7 @@ from maipp.typing import Array, Float, Key
 def extreme_scenarios(config: TrainConfig) -> tuple[Scenario, Scenario]:
     """The scenario with the low end of every range, and with the high end; every mission's numbers lie between.
 
-    Raises `ScenarioError` for an end that no scenario may have.
+    Raises `FieldError` for an end that no scenario may have.
     """
     low, high = ({name: ends(getattr(config, name))[side] for name in (*RANGES, "budget")} for side in (0, 1))
     near, far = ends(config.comm_range)
