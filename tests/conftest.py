@@ -13,7 +13,9 @@ for name, value in {
     "JAX_NUM_CPU_DEVICES": "2",  # sharded code meets a real mesh
     "NPROC": "5",  # see maipp.devices: too few threads can wait for each other forever
     "OPENBLAS_NUM_THREADS": "1",
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false --xla_disable_hlo_passes=cpu-parallel-task-assigner",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false --xla_disable_hlo_passes=cpu-parallel-task-assigner "
+    # Half the time of a compilation, which is what tests cost; what it makes is slower and rounds otherwise.
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false",
     "JAX_COMPILATION_CACHE_DIR": str(CACHE),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5",  # below that, reading back costs what compiling does
     "MPLBACKEND": "Agg",
