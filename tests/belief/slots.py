@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 from sklearn.gaussian_process.kernels import Matern
 
-from maipp.belief import Matern32, append, condition, extend, predict
+from maipp.belief import Matern32, condition, extend
 
 SEEDS = st.integers(0, 2**32 - 1)
 LENGTH_SCALE = 0.45
@@ -17,9 +17,7 @@ QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 2, indexing="ij"), axis=-
 
 # One shape for the whole module, so that each of these compiles once per precision.
 condition_ = eqx.filter_jit(condition)
-append_ = eqx.filter_jit(append)
 extend_ = eqx.filter_jit(extend)
-predict_ = eqx.filter_jit(predict)
 on_ = eqx.filter_jit(lambda belief, points: belief.on(points))
 
 

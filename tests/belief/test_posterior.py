@@ -16,7 +16,6 @@ from maipp.belief import (
     condition,
     high_interest_area,
     mutual_information,
-    posterior,
     rmse,
     trace,
 )
@@ -26,14 +25,12 @@ from tests.belief.slots import (
     QUERY,
     SEEDS,
     SLOTS,
-    append_,
     belief_of,
     condition_,
     draw,
     exact,
     extend_,
     on_,
-    predict_,
 )
 
 
@@ -104,23 +101,12 @@ def test_scikit_learn_agrees(seed, length_scale, variance, noise):
         np.testing.assert_allclose(belief.variance, std**2, rtol=0, atol=1e-8)
 
 
-def test_posterior_of_plain_arrays():
-    x, y = np.array([[0.2, 0.3], [0.8, 0.1]]), np.array([0.5, -0.5])
-    mean, variance = posterior(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.asarray(QUERY))
-    again = posterior(KERNEL, x, y, QUERY)
-    np.testing.assert_array_equal(again[0], mean)
-    np.testing.assert_array_equal(again[1], variance)
-    at = posterior(KERNEL, x, y, x)
-    np.testing.assert_allclose(at[0], y, atol=1e-5)
-    np.testing.assert_allclose(at[1], 0.0, atol=1e-5)
-
-
 @pytest.mark.parametrize("variance", [1.0, 2.5])
 def test_zero_measurements_give_the_prior(variance):
     kernel = Matern32(0.3, variance)
-    mean, spread = posterior(kernel, jnp.zeros((0, 2)), jnp.zeros(0), jnp.asarray(QUERY))
-    np.testing.assert_array_equal(mean, 0.0)
-    np.testing.assert_array_equal(spread, variance)
+    empty = condition(kernel, jnp.zeros((0, 2)), jnp.zeros(0), jnp.zeros(0, bool), jnp.asarray(QUERY))
+    np.testing.assert_array_equal(empty.mean, 0.0)
+    np.testing.assert_array_equal(empty.variance, variance)
     masked = condition(kernel, jnp.ones((3, 2)), jnp.ones(3), jnp.zeros(3, bool), jnp.asarray(QUERY))
     np.testing.assert_array_equal(masked.mean, 0.0)
     np.testing.assert_array_equal(masked.variance, variance)
@@ -165,32 +151,6 @@ def test_masked_slots_have_no_influence(seed):
         np.testing.assert_allclose(belief.variance, variance, rtol=0, atol=1e-8)
 
 
-@given(SEEDS, st.integers(1, NEW))
-def test_append_is_recondition_in_any_slot(seed, count):
-    """Free slots lie anywhere between measured ones; several appends fill them in order."""
-    _, x, y, mask, new_x, new_y = draw(seed)
-    with jax.enable_x64(True):
-        belief = belief_of(x, y, mask)
-        for i in range(count):
-            free = np.flatnonzero(~mask)
-            belief = append_(belief, jnp.asarray(new_x[i]), jnp.asarray(new_y[i]))
-            if len(free):
-                x[free[0]], y[free[0]], mask[free[0]] = new_x[i], new_y[i], True
-            np.testing.assert_array_equal(belief.mask, mask)
-        same(belief, belief_of(x, y, mask))
-        # What later look-aheads read must be right too, not only the prediction at the query points.
-        more = (jnp.asarray(new_x[0]), jnp.asarray(0.3))
-        same(append_(belief, *more), append_(belief_of(x, y, mask), *more))
-
-
-def test_append_to_a_full_belief_changes_nothing():
-    _, x, y, _, new_x, _ = draw(0)
-    belief = belief_of(x, y, np.ones(SLOTS, bool))
-    after = append_(belief, jnp.asarray(new_x[0], jnp.float32), jnp.asarray(3.0))
-    for old, new in zip(jax.tree.leaves(belief), jax.tree.leaves(after), strict=True):
-        np.testing.assert_array_equal(old, new)
-
-
 @pytest.mark.parametrize("virtual_value", ["mean", "zero"])
 @given(seed=SEEDS)
 def test_extend_is_recondition_on_virtual_values(seed, virtual_value):
@@ -199,41 +159,30 @@ def test_extend_is_recondition_on_virtual_values(seed, virtual_value):
     with jax.enable_x64(True):
         belief = belief_of(x, y, mask)
         more = extend_(belief, jnp.asarray(new_x), jnp.asarray(new_mask), virtual_value=virtual_value)
-        expected = np.asarray(predict_(belief, jnp.asarray(new_x))[0]) if virtual_value == "mean" else np.zeros(NEW)
+        expected = np.asarray(on_(belief, jnp.asarray(new_x)).mean) if virtual_value == "mean" else np.zeros(NEW)
         again = belief_of(np.concatenate([x, new_x]), np.concatenate([y, expected]), np.concatenate([mask, new_mask]))
         same(more, again)
         if virtual_value == "mean":
             np.testing.assert_array_equal(more.mean, belief.mean)
         # The extended belief is a belief like any other: it predicts elsewhere and extends further.
         elsewhere = jnp.asarray(rng.random((NEW, 2)))
-        for found, wanted in zip(predict_(more, elsewhere), predict_(again, elsewhere), strict=True):
-            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)
+        same(on_(more, elsewhere), on_(again, elsewhere))
 
 
 @given(SEEDS)
-def test_predict_agrees_with_the_query_predictions(seed):
-    _, x, y, mask, _, _ = draw(seed)
+def test_a_belief_on_other_points_is_what_the_measurements_say_there(seed):
+    rng, x, y, mask, new_x, _ = draw(seed)
     with jax.enable_x64(True):
-        belief = belief_of(x, y, mask)
-        mean, variance = predict_(belief, belief.query)
-        np.testing.assert_allclose(mean, belief.mean, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(variance, belief.variance, rtol=0, atol=1e-10)
-
-
-@given(SEEDS)
-def test_a_belief_on_other_points_is_what_it_predicts_there(seed):
-    _, x, y, mask, new_x, new_y = draw(seed)
-    with jax.enable_x64(True):
-        belief, points = belief_of(x, y, mask), jnp.asarray(np.random.default_rng(seed).random((NEW, 2)))
-        moved = on_(belief, points)
-        for found, wanted in zip((moved.mean, moved.variance), predict_(belief, points), strict=True):
-            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10)
+        belief, points = belief_of(x, y, mask), rng.random((NEW, 2))
+        same(on_(belief, belief.query), belief, atol=1e-10)
+        moved = on_(belief, jnp.asarray(points))
+        mean, variance = exact(x[mask], y[mask], points, 1e-6)
+        np.testing.assert_allclose(moved.mean, mean, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(moved.variance, variance, rtol=0, atol=1e-8)
         np.testing.assert_array_equal(moved.query, points)
         # It goes on like any other.
-        spot, value = jnp.asarray(new_x[0]), jnp.asarray(new_y[0])
-        more, wanted = append_(moved, spot, value), predict_(append_(belief, spot, value), points)
-        np.testing.assert_allclose(more.mean, wanted[0], rtol=0, atol=1e-8)
-        np.testing.assert_allclose(more.variance, wanted[1], rtol=0, atol=1e-8)
+        more = (jnp.asarray(new_x), jnp.ones(NEW, bool))
+        same(extend_(moved, *more), on_(extend_(belief, *more), jnp.asarray(points)))
 
 
 def test_a_coarser_belief_is_the_belief_at_fewer_points():
@@ -243,8 +192,8 @@ def test_a_coarser_belief_is_the_belief_at_fewer_points():
     coarse = belief.at(jnp.asarray(index))
     for name in ("query", "mean", "variance", "std"):
         np.testing.assert_array_equal(getattr(coarse, name), getattr(belief, name)[index])
-    point, value = jnp.asarray(new_x[0], jnp.float32), jnp.asarray(0.3)
-    np.testing.assert_allclose(append_(coarse, point, value).mean, append_(belief, point, value).mean[index], atol=1e-5)
+    more = (jnp.asarray(new_x, jnp.float32), jnp.ones(NEW, bool))
+    np.testing.assert_allclose(extend_(coarse, *more).variance, extend_(belief, *more).variance[index], atol=1e-5)
 
 
 def test_gradients_in_the_measurements_are_those_of_finite_differences():

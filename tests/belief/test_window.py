@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maipp.belief import Interest, Matern32, append, condition, condition_near, extend, mutual_information
+from maipp.belief import Interest, Matern32, condition, condition_near, extend, mutual_information
 from maipp.planners.lookahead import predicted_variance
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -32,7 +32,7 @@ def exact_(x, y, mask):
     return condition(KERNEL, x, y, mask, jnp.asarray(QUERY, x.dtype), 1e-6)
 
 
-extend_, append_ = eqx.filter_jit(extend), eqx.filter_jit(append)
+extend_ = eqx.filter_jit(extend)
 
 
 def draw(seed, share=1.0):
@@ -120,16 +120,6 @@ def test_it_goes_on_like_any_belief():
     np.testing.assert_allclose(
         predicted_variance(coarse, points[None] + 0.02, jnp.ones((1, 2), bool)), wanted, atol=1e-6
     )
-    # A full window has no slot left for a measurement that is taken.
-    assert eqx.tree_equal(append_(belief, points[0], jnp.asarray(0.3)), belief)
-
-
-def test_a_measurement_is_appended_where_a_slot_is_free():
-    x, y, mask = single(draw(4, 0.1))
-    spot, value = jnp.asarray([0.4, 0.6]), jnp.asarray(0.3)
-    after, exact = append_(near_(x, y, mask), spot, value), append_(exact_(x, y, mask), spot, value)
-    np.testing.assert_allclose(after.mean, exact.mean, atol=1e-4)
-    np.testing.assert_allclose(after.variance, exact.variance, atol=1e-4)
 
 
 def test_mutual_information_is_that_of_the_shrunken_covariance():

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString
 
-from maipp.belief import Interest, Matern32, condition, predict
+from maipp.belief import Interest, Matern32, condition
 from maipp.engine.polyline import along_paths
 from maipp.planners.lookahead import (
     measurement_offsets,
@@ -26,7 +26,7 @@ NOISE = 1e-4
 INTEREST = Interest()
 
 condition_ = eqx.filter_jit(condition)
-predict_ = eqx.filter_jit(predict)
+on_ = eqx.filter_jit(lambda belief, points: belief.on(points))
 variance_ = eqx.filter_jit(predicted_variance)
 trace_ = eqx.filter_jit(predicted_trace)
 rows_ = eqx.filter_jit(virtual_measurements)
@@ -68,7 +68,7 @@ def test_predicted_trace_is_that_of_conditioning_anew(seed, virtual_value):
         candidates = jnp.asarray(points), jnp.asarray(taken)
         found = trace_(belief, INTEREST, jnp.asarray(inside), *candidates, virtual_value=virtual_value)
         for c in range(CANDIDATES):
-            values = np.asarray(predict_(belief, jnp.asarray(points[c]))[0]) if virtual_value == "mean" else np.zeros(4)
+            values = np.asarray(on_(belief, jnp.asarray(points[c])).mean) if virtual_value == "mean" else np.zeros(4)
             joint = np.concatenate([x, points[c]]), np.concatenate([y, values])
             anew = belief_of(*joint, np.concatenate([mask, taken[c]]))
             mean, variance = np.asarray(anew.mean), np.asarray(anew.variance)

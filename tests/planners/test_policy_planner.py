@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.belief import predict
 from maipp.engine import draw_missions, reset
 from maipp.engine.observe import knowledge, observe
 from maipp.errors import InputError
@@ -55,11 +54,11 @@ def test_the_network_is_shown_the_belief_the_budget_and_the_edges(planner, obser
     intent = jnp.linspace(0, 1, SCENARIO.nodes)
     situation, insight = look(planner, observation, observation.belief, intent)
     view, roadmap = insight.view, observation.roadmap
-    mean, variance = predict(observation.belief, roadmap.nodes)
+    there = observation.belief.on(roadmap.nodes)
     x, y, shown_mean, shown_std, shown_intent = np.asarray(view.features).T
     np.testing.assert_allclose(np.stack([x, y], 1), (roadmap.nodes - observation.position) / 2.0, atol=1e-6)
-    np.testing.assert_allclose(shown_mean, mean, atol=1e-5)
-    np.testing.assert_allclose(shown_std**2, variance, atol=1e-5)
+    np.testing.assert_allclose(shown_mean, there.mean, atol=1e-5)
+    np.testing.assert_allclose(shown_std**2, there.variance, atol=1e-5)
     np.testing.assert_array_equal(shown_intent, intent)
     np.testing.assert_array_equal(view.encoding, roadmap.encoding)
     assert int(view.node) == int(situation.here.node) == 0  # the start is node 0

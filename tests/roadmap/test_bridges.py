@@ -1,12 +1,13 @@
 """Roadmaps among no-go zones: every node can be reached from every other."""
 
+import jax
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from maipp.benchmarks.random_areas import random_area
-from maipp.roadmap import Obstacles, build_roadmap, sample_roadmap
+from maipp.roadmap import Obstacles, build_roadmap, sample_roadmaps
 from maipp.roadmap.bridges import is_joined, joined, with_corners
 
 NODES, NEIGHBOURS = 60, 8
@@ -24,9 +25,10 @@ def test_no_node_of_a_random_area_is_a_trap(seed):
     scenario = random_area(seed).scenario
     obstacles = Obstacles(scenario.obstacles)
     start = np.asarray(scenario.start)
-    roadmap = sample_roadmap(
-        np.random.default_rng(seed), start, nodes=NODES, neighbours=NEIGHBOURS, obstacles=obstacles
+    roadmaps = sample_roadmaps(
+        np.random.default_rng(seed), start[None], nodes=NODES, neighbours=NEIGHBOURS, obstacles=obstacles
     )
+    roadmap = jax.tree.map(lambda a: a[0], roadmaps)
     assert strong_parts(roadmap) == 1
     nodes, order, reachable = (np.asarray(a) for a in (roadmap.nodes, roadmap.neighbours, roadmap.reachable))
     np.testing.assert_array_equal(nodes[0], start)

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from maipp.roadmap import Roadmap, build_roadmap, edges_from, nearest_node, sample_roadmap
+from maipp.roadmap import Roadmap, build_roadmap, edges_from, nearest_node, sample_roadmaps
 
-NODES = sample_roadmap(np.random.default_rng(0), (0.2, 0.7), nodes=30, neighbours=4)
+ROADMAPS = sample_roadmaps(np.random.default_rng(0), np.array([[0.2, 0.7]]), nodes=30, neighbours=4)
+NODES = jax.tree.map(lambda a: a[0], ROADMAPS)
 nearest, leaving = jax.jit(nearest_node), jax.jit(edges_from, static_argnames="last_leg")
 
 

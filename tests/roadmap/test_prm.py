@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import LineString, Polygon
 
 from maipp.errors import InputError
@@ -15,9 +17,7 @@ from maipp.roadmap import (
     Obstacles,
     Roadmap,
     build_roadmap,
-    sample_roadmap,
     sample_roadmaps,
-    shortest_distances,
 )
 
 SQUARE = [(0.3, 0.3), (0.7, 0.3), (0.7, 0.7), (0.3, 0.7)]
@@ -30,6 +30,20 @@ SEEDS = st.integers(0, 2**32 - 1)
 def vectors():
     with np.load(Path(__file__).parents[1] / "data" / "roadmap_vectors.npz") as file:
         return dict(file)
+
+
+def _one_roadmap(rng: np.random.Generator, start, **options) -> Roadmap:
+    """The roadmap of a single start."""
+    return jax.tree.map(lambda a: a[0], sample_roadmaps(rng, np.array([start]), **options))
+
+
+def _shortest_distances(roadmap: Roadmap, directed: bool = True) -> np.ndarray:
+    """Length of the shortest path along reachable edges from each node to each node; inf where there is none."""
+    kept, count = np.asarray(roadmap.reachable), len(roadmap.nodes)
+    # Built from these three arrays, the graph keeps its zero-length edges (between coincident nodes).
+    offsets = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    edges = (np.asarray(roadmap.distances)[kept], np.asarray(roadmap.neighbours)[kept], offsets)
+    return dijkstra(csr_array(edges, shape=(count, count)), directed=directed)
 
 
 def _floyd_warshall(roadmap: Roadmap, directed: bool) -> np.ndarray:
@@ -59,7 +73,7 @@ def test_neighbours_match_reference(vectors, graph):
 @pytest.mark.parametrize("kind", ["directed", "undirected"])
 def test_shortest_distances_match_reference(vectors, graph, kind):
     roadmap = build_roadmap(vectors[f"prm{graph}_nodes"], 20)
-    distances = shortest_distances(roadmap, directed=kind == "directed")
+    distances = _shortest_distances(roadmap, directed=kind == "directed")
     expected = vectors[f"prm{graph}_dij_{kind}_k20"]
     np.testing.assert_allclose(distances[vectors["rows"]], expected, rtol=0, atol=1e-12)
 
@@ -83,7 +97,7 @@ def test_neighbours_are_the_nearest_others(seed, count, data):
 @given(SEEDS)
 def test_kept_edges_never_enter_an_obstacle_and_are_the_nearest_in_sight(seed):
     obstacles = [SQUARE, TRIANGLE]
-    nodes = sample_roadmap(np.random.default_rng(seed), (0.0, 0.0), nodes=40, neighbours=6, obstacles=obstacles).nodes
+    nodes = _one_roadmap(np.random.default_rng(seed), (0.0, 0.0), nodes=40, neighbours=6, obstacles=obstacles).nodes
     roadmap = build_roadmap(nodes, 6, obstacles)
     polygons = [Polygon(SQUARE), Polygon(TRIANGLE)]
     for i, node in enumerate(roadmap.nodes):
@@ -104,8 +118,8 @@ def test_rows_keep_their_width_where_too_few_nodes_are_in_sight():
     assert roadmap.neighbours[0].tolist() == [1, 2, 3]
     assert roadmap.reachable[0].tolist() == [True, False, False]
     assert roadmap.reachable[4].tolist() == [True, True, False]
-    assert np.isinf(shortest_distances(roadmap)[0, 2])
-    assert np.isfinite(shortest_distances(roadmap)[2:, 2:]).all()
+    assert np.isinf(_shortest_distances(roadmap)[0, 2])
+    assert np.isfinite(_shortest_distances(roadmap)[2:, 2:]).all()
 
 
 def test_a_node_beside_an_obstacle_looks_past_the_hidden_ones():
@@ -120,8 +134,8 @@ def test_neighbours_are_directed():
     nodes = np.array([[0.0, 0.0], [1.0, 0.0], [1.1, 0.0], [1.3, 0.0]])
     roadmap = build_roadmap(nodes, 1)
     assert roadmap.neighbours.ravel().tolist() == [1, 2, 1, 2]
-    assert np.isinf(shortest_distances(roadmap)[1, 0])
-    assert shortest_distances(roadmap, directed=False)[1, 0] == 1.0
+    assert np.isinf(_shortest_distances(roadmap)[1, 0])
+    assert _shortest_distances(roadmap, directed=False)[1, 0] == 1.0
 
 
 @pytest.mark.parametrize("directed", [True, False])
@@ -131,7 +145,7 @@ def test_shortest_distances_are_a_metric_and_agree_with_floyd_warshall(directed,
     # Lattice nodes coincide now and then: their edges of length zero must count as edges.
     nodes = np.random.default_rng(seed).integers(0, 4, (20, 2)) / 4
     roadmap = build_roadmap(nodes, 4, [[(0.3, 0.3), (0.45, 0.3), (0.45, 0.7)]])
-    distances = shortest_distances(roadmap, directed=directed)
+    distances = _shortest_distances(roadmap, directed=directed)
     np.testing.assert_allclose(distances, _floyd_warshall(roadmap, directed), rtol=0, atol=1e-12)
     assert (np.diag(distances) == 0).all()
     assert (distances[:, None, :] <= distances[:, :, None] + distances[None] + 1e-12).all()
@@ -144,17 +158,17 @@ def test_coincident_nodes_are_joined_at_no_cost():
     roadmap = build_roadmap(nodes, 2)
     assert (roadmap.distances[:5] == 0).all()
     assert not (roadmap.neighbours == np.arange(6)[:, None]).any()
-    assert np.isfinite(shortest_distances(roadmap, directed=False)[5]).any()
+    assert np.isfinite(_shortest_distances(roadmap, directed=False)[5]).any()
     pair = build_roadmap(nodes[:2], 1)
-    np.testing.assert_array_equal(shortest_distances(pair), np.zeros((2, 2)))
-    np.testing.assert_array_equal(shortest_distances(pair, directed=False), np.zeros((2, 2)))
+    np.testing.assert_array_equal(_shortest_distances(pair), np.zeros((2, 2)))
+    np.testing.assert_array_equal(_shortest_distances(pair, directed=False), np.zeros((2, 2)))
 
 
 @settings(deadline=None, max_examples=20)
 @given(SEEDS)
 def test_samples_fill_the_free_part_of_the_extent(seed):
     polygons = [SQUARE, TRIANGLE]
-    roadmap = sample_roadmap(
+    roadmap = _one_roadmap(
         np.random.default_rng(seed), [1.5, 0.4], nodes=60, neighbours=5, extent=(2.0, 1.0), obstacles=polygons
     )
     assert roadmap.nodes[0].tolist() == [1.5, 0.4]
@@ -173,13 +187,13 @@ def test_samples_are_uniform():
 
 
 def test_nodes_stay_on_the_start_s_side_of_a_wall():
-    roadmap = sample_roadmap(np.random.default_rng(0), (0.9, 0.9), nodes=50, neighbours=5, obstacles=[WALL])
+    roadmap = _one_roadmap(np.random.default_rng(0), (0.9, 0.9), nodes=50, neighbours=5, obstacles=[WALL])
     assert (roadmap.nodes[:, 0] > 0.55).all()
     assert roadmap.reachable.all()
 
 
 def test_a_start_on_an_obstacle_s_border_is_allowed():
-    roadmap = sample_roadmap(np.random.default_rng(0), (0.55, 0.5), nodes=50, neighbours=5, obstacles=[WALL])
+    roadmap = _one_roadmap(np.random.default_rng(0), (0.55, 0.5), nodes=50, neighbours=5, obstacles=[WALL])
     assert (roadmap.nodes[1:, 0] > 0.55).all()
     assert roadmap.reachable.all()
 
@@ -190,12 +204,9 @@ def test_a_batch_is_the_single_roadmaps_in_turn(obstacles):
     options = {"nodes": 30, "neighbours": 4, "obstacles": obstacles}
     batch = sample_roadmaps(np.random.default_rng(7), starts, **options)
     rng = np.random.default_rng(7)
-    single = [sample_roadmap(rng, start, **options) for start in starts]
+    single = [_one_roadmap(rng, start, **options) for start in starts]
     for stacked, *fields in zip(jax.tree.leaves(batch), *map(jax.tree.leaves, single), strict=True):
         np.testing.assert_array_equal(stacked, np.stack(fields))
-    np.testing.assert_array_equal(
-        shortest_distances(batch), np.stack([shortest_distances(roadmap) for roadmap in single])
-    )
 
 
 def test_batch_axes_are_kept_and_a_roadmap_is_a_pytree():
@@ -203,13 +214,12 @@ def test_batch_axes_are_kept_and_a_roadmap_is_a_pytree():
     roadmap = jax.tree.map(jnp.asarray, build_roadmap(nodes, 4))
     assert roadmap.nodes.shape == (2, 3, 10, 2)
     assert roadmap.neighbours.shape == roadmap.distances.shape == roadmap.reachable.shape == (2, 3, 10, 4)
-    assert shortest_distances(roadmap).shape == (2, 3, 10, 10)
 
 
 def _sample(**changes):
     options = {"start": (0.0, 0.0), "nodes": 20, "neighbours": 3, **changes}
     start = options.pop("start")
-    return sample_roadmap(np.random.default_rng(0), start, **options)
+    return _one_roadmap(np.random.default_rng(0), start, **options)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, to_rank, trace
 from maipp.belief.kernel import Matern32
-from maipp.belief.posterior import Belief, append, condition, extend, posterior, predict
+from maipp.belief.posterior import Belief, condition, extend
 from maipp.belief.prior_samples import PriorSamples
 from maipp.belief.window import condition_near
 
@@ -11,14 +11,11 @@ __all__ = [
     "Interest",
     "Matern32",
     "PriorSamples",
-    "append",
     "condition",
     "condition_near",
     "extend",
     "high_interest_area",
     "mutual_information",
-    "posterior",
-    "predict",
     "rmse",
     "to_rank",
     "trace",

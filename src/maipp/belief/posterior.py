@@ -1,4 +1,4 @@
-"""Gaussian-process posterior: condition on masked measurements, append one, predict anywhere.
+"""Gaussian-process posterior: condition on masked measurements, predict anywhere.
 
 Exact, but for a belief that holds only a window of a survey with more measurements than fit (`belief/window.py`).
 """
@@ -7,7 +7,6 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from maipp.belief.kernel import Matern32
@@ -191,65 +190,6 @@ def condition_window(
     part = condition(kernel, survey.x[slots], survey.y[slots], survey.mask[slots], query, survey.noise, extra)
     ready = dataclasses.replace(part, survey=survey, shrink=jnp.ones_like(part.mean), window=slots.shape[0])
     return _with_survey(ready, survey)
-
-
-def append(belief: Belief, x: Float[Array, "2"], y: Float[Array, ""]) -> Belief:
-    """Belief after one more measurement, placed in the first free slot: one new row of L^-1 and of V, O(n q).
-
-    A full belief is returned unchanged; size the slots for the budget.
-    """
-    slot = jnp.argmin(belief.mask)
-    free = ~belief.mask[slot]
-    row = belief.whiten(x)  # L^-1 k(X, x)
-    prior = jnp.asarray(belief.kernel.variance, x.dtype)
-    pivot = jnp.sqrt(jnp.maximum(prior + belief.noise - row @ row, jnp.maximum(belief.noise, _NUGGET_START * prior)))
-    inverse_row = (-(row @ belief.inverse_factor) / pivot).at[slot].set(1.0 / pivot)
-    value = (y - row @ belief.whitened_values) / pivot
-    query_row = (belief.kernel(x, belief.query) - row @ belief.whitened_query) / pivot
-    effect = belief.effect(query_row)
-
-    def put(array: Array, new: Array) -> Array:
-        return array.at[slot].set(jnp.where(free, new, array[slot]))
-
-    return Belief(
-        kernel=belief.kernel,
-        x=put(belief.x, x),
-        mask=belief.mask.at[slot].set(True),
-        inverse_factor=put(belief.inverse_factor, inverse_row),
-        whitened_values=put(belief.whitened_values, value),
-        query=belief.query,
-        whitened_query=put(belief.whitened_query, query_row),
-        mean=belief.mean + jnp.where(free, value * effect, 0.0),
-        variance=jnp.maximum(belief.variance - jnp.where(free, effect * effect, 0.0), 0.0),
-        noise=belief.noise,
-        survey=belief.survey,
-        shrink=belief.shrink,
-        window=belief.window,
-    )
-
-
-def predict(belief: Belief, points: Float[Array, "p 2"]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Posterior mean and variance at any points."""
-    whitened = belief.whiten(points)
-    variance = jnp.asarray(belief.kernel.variance, points.dtype) - jnp.sum(whitened * whitened, axis=-1)
-    return whitened @ belief.whitened_values, jnp.maximum(variance, 0.0)
-
-
-def posterior(
-    kernel: Matern32,
-    x: Float[Array | np.ndarray, "n 2"],
-    y: Float[Array | np.ndarray, " n"],
-    query: Float[Array | np.ndarray, "q 2"],
-    noise: float = 1e-10,
-) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
-    """Posterior mean and variance at `query` after measuring `y` at `x` (paper Sec. III-A).
-
-    Accepts NumPy or JAX arrays; the precision is JAX's (float64 under `JAX_ENABLE_X64`). Zero measurements give the
-    prior.
-    """
-    x, y, query = (jnp.asarray(a, jnp.result_type(float)) for a in (x, y, query))
-    belief = condition(kernel, x, y, jnp.ones(x.shape[0], bool), query, noise)
-    return belief.mean, belief.variance
 
 
 def extend(

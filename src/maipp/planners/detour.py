@@ -54,11 +54,6 @@ def waypoints(zones: Zones, ways: Ways, index: Index) -> Float[Array, "w 2"]:
     return jnp.stack(points)
 
 
-def to_any(zones: Zones, end: Point) -> Float[Array, "v 1"]:
-    """Lengths of the shortest ways from each corner to a point that may lie anywhere."""
-    return jnp.min(zones.ways + sight(zones, end), axis=-1, initial=jnp.inf)[:, None]
-
-
 def long_run(zones: Zones, here: Point, step: Float[Array, ""], extent: Extent) -> Point:
     """The end of the longest straight leg from `here`, of those up to `step` long (domain units)."""
     angle = 2.0 * jnp.pi / _DIRECTIONS * jnp.arange(_DIRECTIONS)

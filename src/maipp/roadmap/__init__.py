@@ -1,9 +1,9 @@
 """Probabilistic roadmaps: the waypoint graph on which an agent decides, and its spectral node encoding."""
 
 from maipp.roadmap.edges import SHORTEST_LEG, Edges, edges_from, nearest_node
-from maipp.roadmap.encoding import flip_signs, laplacian_encoding, normalised_laplacian
+from maipp.roadmap.encoding import laplacian_encoding, normalised_laplacian
 from maipp.roadmap.obstacles import Obstacles
-from maipp.roadmap.prm import Roadmap, build_roadmap, check_starts, sample_roadmap, sample_roadmaps, shortest_distances
+from maipp.roadmap.prm import Roadmap, build_roadmap, check_starts, sample_roadmaps
 from maipp.roadmap.zones import FreeSpace, Zones, free_space, zones_of
 
 __all__ = [
@@ -16,13 +16,10 @@ __all__ = [
     "build_roadmap",
     "check_starts",
     "edges_from",
-    "flip_signs",
     "free_space",
     "laplacian_encoding",
     "nearest_node",
     "normalised_laplacian",
-    "sample_roadmap",
     "sample_roadmaps",
-    "shortest_distances",
     "zones_of",
 ]

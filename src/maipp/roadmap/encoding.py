@@ -5,13 +5,11 @@ Source: Dwivedi & Bresson 2020; Yang et al. 2023, Sec. IV-D.
 
 import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from maipp.roadmap.prm import AnyArray, Roadmap
-from maipp.typing import Array, Float, Key
+from maipp.roadmap.prm import Roadmap
+from maipp.typing import Float
 
 
 def normalised_laplacian(roadmap: Roadmap) -> Float[np.ndarray, "*batch n n"]:
@@ -49,15 +47,6 @@ def laplacian_encoding(roadmap: Roadmap, dimensions: int = 32) -> Float[np.ndarr
         vectors = np.linalg.eigh(matrix).eigenvectors[:, components : components + dimensions]
         encoding[index, :, : vectors.shape[1]] = _fix_signs(vectors)
     return encoding.reshape(*batch, count, dimensions)
-
-
-def flip_signs(key: Key, encoding: Float[AnyArray, "*batch n dimensions"]) -> Float[Array, "*batch n dimensions"]:
-    """The encoding with the sign of each eigenvector of each roadmap drawn at random.
-
-    For training: an eigenvector has no sign of its own, and the policy must not rely on the one it was given.
-    """
-    *batch, _, dimensions = encoding.shape
-    return jax.random.rademacher(key, (*batch, 1, dimensions), encoding.dtype) * jnp.asarray(encoding)
 
 
 def _fix_signs(vectors: np.ndarray) -> np.ndarray:

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 import equinox as eqx
 import numpy as np
 import shapely
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
@@ -73,27 +71,6 @@ def build_roadmap(nodes: Float[AnyArray, "*batch n 2"], neighbours: int, obstacl
     return Roadmap(points, order.reshape(shape), distances.reshape(shape), reachable.reshape(shape))
 
 
-def sample_roadmap(
-    rng: np.random.Generator,
-    start: Float[AnyArray, "2"] | Sequence[float],
-    *,
-    nodes: int,
-    neighbours: int,
-    extent: Sequence[float] = (1.0, 1.0),
-    obstacles: ObstaclesLike = (),
-) -> Roadmap:
-    """The roadmap of `start` and `nodes - 1` uniform random points of [0, width] x [0, height].
-
-    With obstacles the points are uniform over the free region that can be reached from the start; where that leaves
-    nodes that cannot be reached from each other, `bridges` joins them. Raises
-    InputError for a start outside the extent or inside an obstacle, for obstacles that leave next to nothing
-    free, and as `build_roadmap`.
-    """
-    starts = np.asarray(start, dtype=np.float64)[None]
-    roadmap = sample_roadmaps(rng, starts, nodes=nodes, neighbours=neighbours, extent=extent, obstacles=obstacles)
-    return Roadmap(roadmap.nodes[0], roadmap.neighbours[0], roadmap.distances[0], roadmap.reachable[0])
-
-
 def sample_roadmaps(
     rng: np.random.Generator,
     starts: Float[AnyArray, "b 2"],
@@ -103,7 +80,13 @@ def sample_roadmaps(
     extent: Sequence[float] = (1.0, 1.0),
     obstacles: ObstaclesLike = (),
 ) -> Roadmap:
-    """One roadmap per start, stacked along axis b: what b calls of `sample_roadmap` give in turn."""
+    """One roadmap per start, stacked along axis b: the start and `nodes - 1` uniform random points of the extent.
+
+    The extent is [0, width] x [0, height].
+    With obstacles the points are uniform over the free region that can be reached from the start; where that leaves
+    nodes that cannot be reached from each other, `bridges` joins them. Raises InputError for a start outside the extent
+    or inside an obstacle, for obstacles that leave next to nothing free, and as `build_roadmap`.
+    """
     starts = np.asarray(starts, dtype=np.float64)
     size = np.asarray(extent, dtype=np.float64)
     if size.shape != (2,) or not (np.isfinite(size) & (size > 0)).all():
@@ -121,28 +104,6 @@ def sample_roadmaps(
         return _without_traps(build_roadmap(points, neighbours, obstacles), extent, obstacles)
     points[:, 1:] = rng.random((len(starts), nodes - 1, 2)) * size
     return build_roadmap(points, neighbours, obstacles)
-
-
-def shortest_distances(roadmap: Roadmap, directed: bool = True) -> Float[np.ndarray, "*batch n n"]:
-    """Length of the shortest path along reachable edges from each node (row) to each node (column), float64.
-
-    Domain units; inf where there is no path. `directed=False` lets every edge be travelled both ways.
-    """
-    neighbours = np.asarray(roadmap.neighbours)
-    *batch, count, width = neighbours.shape
-    result = np.empty((math.prod(batch), count, count))
-    rows = zip(
-        neighbours.reshape(-1, count, width),
-        np.asarray(roadmap.distances, dtype=np.float64).reshape(-1, count, width),
-        np.asarray(roadmap.reachable).reshape(-1, count, width),
-        strict=True,
-    )
-    for index, (ends, lengths, kept) in enumerate(rows):
-        # Built from these three arrays, the graph keeps its zero-length edges (between coincident nodes).
-        offsets = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        graph = csr_array((lengths[kept], ends[kept], offsets), shape=(count, count))
-        result[index] = dijkstra(graph, directed=directed)
-    return result.reshape(*batch, count, count)
 
 
 def _obstacles(obstacles: ObstaclesLike) -> Obstacles:
