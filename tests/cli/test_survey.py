@@ -118,7 +118,7 @@ def test_a_failed_survey_leaves_nothing(mission, monkeypatch):
     def broken(*arguments, **options):
         raise InputError("no")
 
-    monkeypatch.setattr("maipp.surveys.picture.save_picture", broken)
+    monkeypatch.setattr("maipp.surveys.picture.draw_plan", broken)
     with pytest.raises(InputError):
         run(Survey(mission=mission, out=mission.parent / "out"))
     assert list((mission.parent / "out").iterdir()) == []

@@ -8,7 +8,8 @@ from maipp.belief.fit import fit_kernel
 from maipp.belief.fit_profile import likelihood_profile
 from maipp.belief.variogram import empirical_variogram
 from maipp.errors import InputError
-from maipp.viz.kernel_fit import draw_kernel_fit, fitted_variogram, save_kernel_fit
+from maipp.viz.kernel_fit import draw_kernel_fit, fitted_variogram
+from maipp.viz.style import save_figure
 
 RNG = np.random.default_rng(0)
 X = RNG.uniform(0, 900, size=(60, 2))
@@ -57,7 +58,8 @@ def test_warnings_stand_below():
 
 
 def test_it_is_written_whole_or_told(tmp_path):
-    save_kernel_fit(FIT, X, Y, tmp_path / "fit.png")
+    figure = draw_kernel_fit(FIT, X, Y)
+    save_figure(figure, tmp_path / "fit.png")
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(InputError, match="cannot be written"):
-        save_kernel_fit(FIT, X, Y, tmp_path / "none" / "fit.png")
+        save_figure(figure, tmp_path / "none" / "fit.png")

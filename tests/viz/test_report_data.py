@@ -88,10 +88,10 @@ def test_an_area_replaces_the_scenario_s_obstacles(episode):
 
 def test_a_unit_in_the_file_s_name_is_found(episode, mapping):
     there = dataclasses.replace(episode, reference=dataclasses.replace(mapping, value_name="depth at low tide (m)"))
-    report = SurveyReport(there)
-    assert (report.value_name, report.value_unit) == ("depth at low tide", "m")
-    plain = SurveyReport(dataclasses.replace(episode, reference=mapping))
-    assert (plain.value_name, plain.value_unit) == ("temperature", "")
+    named = data_of(SurveyReport(there))["value"]
+    assert (named["name"], named["unit"]) == ("depth at low tide", "m")
+    plain = data_of(SurveyReport(dataclasses.replace(episode, reference=mapping)))["value"]
+    assert (plain["name"], plain["unit"]) == ("temperature", "")
 
 
 def test_without_a_truth_there_is_none(episode):

@@ -149,19 +149,21 @@ def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RouteP
     """Everything that a planned survey leaves, in the folder; the names of the files."""
     from maipp.engine.episode_io import write_episode
     from maipp.missions import write_mission_files
-    from maipp.surveys.picture import save_picture
+    from maipp.surveys.picture import draw_plan
+    from maipp.viz.style import save_figure
 
     paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)
     write_episode(expected.episode, folder / "episode.json")
-    save_picture(prepared, expected.episode, folder / "overview.png")
+    save_figure(draw_plan(prepared, expected.episode), folder / "overview.png")
     names = [*(path.name for path in paths), "episode.json", "overview.png"]
     if prepared.fit is not None:
-        from maipp.viz.kernel_fit import save_kernel_fit
+        from maipp.viz.kernel_fit import draw_kernel_fit
 
         metres = prepared.prior_x * prepared.frame.scale
         values = prepared.frame.to_user_values(prepared.prior_y)
         unit = prepared.survey.unit or ""
-        save_kernel_fit(prepared.fit, metres, values, folder / "kernel.png", length_unit="m", unit=unit)
+        figure = draw_kernel_fit(prepared.fit, metres, values, length_unit="m", unit=unit)
+        save_figure(figure, folder / "kernel.png")
         names.append("kernel.png")
     if find_spec("plotly") is None:
         print("left out report.html: it needs plotly; install it with: pip install 'maipp[geo]'", file=sys.stderr)

@@ -1,15 +1,12 @@
 """The planned survey in one picture: what is expected, and how uncertain it is before and after, with the routes."""
 
-import os
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from maipp.engine.episode import Episode
-from maipp.files import atomic_path
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.viz.maps import colour_bar, draw_field, draw_routes, legend_below, legend_of, map_size, prepare_map
-from maipp.viz.style import GREY, LARGE, MEDIUM, STD_MAP, VALUE_MAP, add_axes, new_figure
+from maipp.viz.style import STD_MAP, VALUE_MAP, add_axes, heading, new_figure
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.75, 0.75, 0.85, 0.95  # margins, inches
 _GAP, _BAR_GAP, _BAR, _AFTER_BAR = 0.25, 0.1, 0.14, 1.0
@@ -42,24 +39,15 @@ def draw_plan(prepared: PreparedSurvey, episode: Episode, dpi: int = 160) -> Fig
         prepare_map(axes, episode, title, y_label=index == 0)
         if index != 1:
             draw_routes(axes, episode)
-        if index != 1:
             bar = add_axes(figure, lefts[index] + width + _BAR_GAP, _BOTTOM, _BAR, height)
             mark = prepared.survey.threshold if index == 0 else None
             colour_bar(figure, bar, image, there.value_name if index == 0 else f"std of {there.value_name}", mark)
-    left, inch = _LEFT / total, 1 / figure.get_size_inches()[1]
     count = sum(len(agent.measurement_y) for agent in episode.agents)
-    figure.text(left, 1 - 0.18 * inch, prepared.survey.name, fontsize=LARGE, weight="bold", va="top")
     team = f"{len(prepared.names)} robot{'s' if len(prepared.names) > 1 else ''}"
     line = f"{episode.planner}, {team}, {count} measurements, as expected: measured values will change the routes"
-    figure.text(left, 1 - 0.42 * inch, line, fontsize=MEDIUM, color=GREY, va="top")
+    heading(figure, _LEFT, prepared.survey.name, line)
     entries = legend_of(episode)
     for entry, name in zip(entries, prepared.names, strict=False):
         entry.set_label(name)
-    legend_below(figure, entries, left, inch)
+    legend_below(figure, entries, _LEFT)
     return figure
-
-
-def save_picture(prepared: PreparedSurvey, episode: Episode, path: str | os.PathLike[str]) -> None:
-    """Draw the planned survey into a picture file. Raises `InputError` where it cannot be written."""
-    with atomic_path(path) as temporary:
-        draw_plan(prepared, episode).savefig(temporary)

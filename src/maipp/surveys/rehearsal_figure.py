@@ -1,12 +1,9 @@
 """The rehearsal in one picture: uncertainty left, error and share found over the size of the team."""
 
-import os
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from maipp.files import atomic_path
 from maipp.surveys.rehearsal import RehearsalResult
 from maipp.surveys.spread import spread
 from maipp.viz.style import LARGE, MEDIUM, SMALL, agent_colour, new_figure
@@ -45,9 +42,3 @@ def draw_rehearsal(result: RehearsalResult, dpi: int = 160) -> Figure:
     figure.suptitle(heading, fontsize=LARGE, weight="bold", x=0.01, ha="left")
     figure.tight_layout(rect=(0, 0, 1, 0.98))
     return figure
-
-
-def save_figure(result: RehearsalResult, path: str | os.PathLike[str]) -> None:
-    """Draw the rehearsal into a picture file. Raises `InputError` where it cannot be written."""
-    with atomic_path(path) as temporary:
-        draw_rehearsal(result).savefig(temporary)

@@ -11,9 +11,10 @@ from rich.table import Table
 
 from maipp.files import write_atomic
 from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam
-from maipp.surveys.rehearsal_figure import save_figure
+from maipp.surveys.rehearsal_figure import draw_rehearsal
 from maipp.surveys.spread import Spread, spread
 from maipp.typing import Float
+from maipp.viz.style import save_figure
 
 # An improvement below this share is called small, however sure.
 _CLEAR = 0.10
@@ -180,5 +181,5 @@ def write_report(result: RehearsalResult, folder: Path) -> list[str]:
     """Write rehearsal.csv, rehearsal.md and rehearsal.png to the folder; gives their names."""
     write_atomic(folder / "rehearsal.csv", to_csv(result))
     write_atomic(folder / "rehearsal.md", markdown(result))
-    save_figure(result, folder / "rehearsal.png")
+    save_figure(draw_rehearsal(result), folder / "rehearsal.png")
     return ["rehearsal.csv", "rehearsal.md", "rehearsal.png"]

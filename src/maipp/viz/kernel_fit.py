@@ -1,6 +1,5 @@
 """A fitted kernel in one picture: its variogram over that of the samples, and how surely its length scale is known."""
 
-import os
 import textwrap
 
 import numpy as np
@@ -10,12 +9,11 @@ from matplotlib.figure import Figure
 from maipp.belief.fit_profile import likelihood_profile
 from maipp.belief.kernel_fit import KernelFit
 from maipp.belief.variogram import empirical_variogram
-from maipp.files import atomic_path
-from maipp.viz.style import AGENT_COLOURS, GREY, LARGE, MEDIUM, OUTLINE_COLOUR, SMALL, add_axes, new_figure
+from maipp.viz.style import AGENT_COLOURS, GREY, MEDIUM, OUTLINE_COLOUR, SMALL, add_axes, heading, new_figure
 
 _WIDTH, _HEIGHT = 4.0, 2.9  # of each plot, inches
 _LEFT, _GAP, _RIGHT, _BOTTOM, _TOP = 0.75, 0.85, 0.25, 0.6, 1.0  # margins, inches
-_LINE_HEIGHT = 0.16  # of a warning, inches
+_LINE_HEIGHT, _LETTERS = 0.16, 150  # of a warning: height of a line, inches, and letters in it at most
 _FITTED, _SAMPLES = AGENT_COLOURS[0], AGENT_COLOURS[5]
 
 # Half the 95 % point of chi-squared with one degree of freedom.
@@ -35,34 +33,16 @@ def draw_kernel_fit(
 
     `length_unit` and `unit` are those of the positions and of the values.
     """
-    lines = [line for words in fit.warnings for line in _wrapped(words)]
+    lines = [line for words in fit.warnings for line in textwrap.wrap(words, _LETTERS)]
     bottom = _BOTTOM + _LINE_HEIGHT * (len(lines) + bool(lines))
     figure = new_figure(_LEFT + 2 * _WIDTH + _GAP + _RIGHT, bottom + _HEIGHT + _TOP, dpi)
     _draw_variogram(figure, bottom, fit, x, y, length_unit, unit)
     _draw_profile(figure, bottom, fit, x, y, length_unit)
+    heading(figure, _LEFT, f"Kernel fitted to {fit.samples:,} samples", _numbers(fit, length_unit, unit))
     width, height = figure.get_size_inches()
-    title = f"Kernel fitted to {fit.samples:,} samples"
-    figure.text(_LEFT / width, 1 - 0.18 / height, title, fontsize=LARGE, weight="bold", va="top")
-    figure.text(
-        _LEFT / width, 1 - 0.42 / height, _numbers(fit, length_unit, unit), fontsize=MEDIUM, color=GREY, va="top"
-    )
     for number, line in enumerate(reversed(lines)):
         figure.text(_LEFT / width, (0.12 + _LINE_HEIGHT * number) / height, line, fontsize=SMALL, color=OUTLINE_COLOUR)
     return figure
-
-
-def save_kernel_fit(
-    fit: KernelFit,
-    x: Float[np.ndarray, "n 2"],
-    y: Float[np.ndarray, " n"],
-    path: str | os.PathLike[str],
-    *,
-    length_unit: str = "",
-    unit: str = "",
-) -> None:
-    """Draw the fit into a picture file. Raises `InputError` where it cannot be written."""
-    with atomic_path(path) as temporary:
-        draw_kernel_fit(fit, x, y, length_unit=length_unit, unit=unit).savefig(temporary)
 
 
 def _draw_variogram(
@@ -148,8 +128,3 @@ def _shown(value: float, digits: int) -> str:
 
 def _with_unit(words: str, unit: str) -> str:
     return f"{words}, {unit}" if unit else words
-
-
-def _wrapped(words: str, width: int = 150) -> list[str]:
-    """The sentence in lines of at most this many letters."""
-    return textwrap.wrap(words, width)

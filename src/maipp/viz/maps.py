@@ -183,12 +183,13 @@ def colour_bar(figure: Figure, axes: Axes, image: AxesImage, label: str, mark: f
     return bar
 
 
-def legend_below(figure: Figure, entries: list[Any], left: float, inch: float) -> None:
-    """Add the legend at the lower left corner; `left` and `inch` (of height) are shares of the figure."""
+def legend_below(figure: Figure, entries: list[Any], left: float) -> None:
+    """Add the legend at the lower left corner, `left` inches from the border."""
+    width, height = figure.get_size_inches()
     figure.legend(
         handles=entries,
         loc="lower left",
-        bbox_to_anchor=(left, 0.1 * inch),
+        bbox_to_anchor=(left / width, 0.1 / height),
         ncols=min(len(entries), 8),
         fontsize=SMALL,
         frameon=False,

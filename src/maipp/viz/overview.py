@@ -8,7 +8,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from maipp.engine.episode import Episode
-from maipp.files import atomic_path
 from maipp.viz.captions import headline, numbers_line
 from maipp.viz.maps import (
     area_outline,
@@ -23,15 +22,14 @@ from maipp.viz.maps import (
 )
 from maipp.viz.style import (
     AREA_COLOUR,
-    GREY,
-    LARGE,
-    MEDIUM,
     OUTLINE_COLOUR,
     SMALL,
     STD_MAP,
     VALUE_MAP,
     add_axes,
+    heading,
     new_figure,
+    save_figure,
 )
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.65, 0.75, 0.85, 0.85  # margins, inches
@@ -92,16 +90,11 @@ def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
     draw_routes(axes, episode)
     colour_bar(figure, add_axes(figure, bar_left, _BOTTOM, _BAR, height), image, f"std of {there.value_name}")
 
-    left = _LEFT / figure.get_size_inches()[0]
-    inch = 1 / figure.get_size_inches()[1]
-    figure.text(left, 1 - 0.18 * inch, headline(episode), fontsize=LARGE, weight="bold", va="top")
-    figure.text(left, 1 - 0.42 * inch, numbers_line(episode), fontsize=MEDIUM, color=GREY, va="top")
-    entries = legend_of(episode)
-    legend_below(figure, entries, left, inch)
+    heading(figure, _LEFT, headline(episode), numbers_line(episode))
+    legend_below(figure, legend_of(episode), _LEFT)
     return figure
 
 
 def save_overview(episode: Episode, path: str | os.PathLike[str]) -> None:
     """Draw the overview into a picture file. Raises `InputError` where it cannot be written."""
-    with atomic_path(path) as temporary:
-        draw_overview(episode).savefig(temporary)
+    save_figure(draw_overview(episode), path)

@@ -31,12 +31,12 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
     low, high = np.array([grid.x[0], grid.y[0]]), np.array([grid.x[-1], grid.y[-1]])
     digits = decimals(float((high - low).max()), 6)
     length, time = length_unit(report), time_unit(report)
-    truth = grid.pictures(np.asarray(report.values(episode.truth))[None])[0] if report.truth_known else None
+    truth = grid.pictures(report.geo.to_user_values(episode.truth)[None])[0] if report.truth_known else None
     surplus = inside_only(episode.truth - episode.scenario.threshold, episode.inside)
     return {
         "axes": _axes(report, low, high),
         "grid": {"x": _spaced(grid.x), "y": _spaced(grid.y), "columns": len(grid.x), "rows": len(grid.y)},
-        "value": {"name": report.value_name, "unit": report.value_unit, "threshold": _real(report.threshold)},
+        "value": {"name": report.geo.quantity, "unit": report.geo.unit or "", "threshold": _real(report.threshold)},
         "length": length.name,
         "time": {"unit": time.name, "step": time_decimals(frames, time.factor)},
         "colours": {"value": _stops(VALUE_MAP), "std": _stops(STD_MAP)},
@@ -98,7 +98,7 @@ def _axes(report: SurveyReport, low: np.ndarray, high: np.ndarray) -> dict[str, 
     return {
         "x": report.x_label,
         "y": report.y_label,
-        "aspect": _real(report.aspect),
+        "aspect": _real(report.geo.for_pictures.aspect),
         "shown": [_real(value, 9) for value in shown],
         "whole": [_real(value, 9) for value in (*low, *high)],
         "decimals": decimals(float((far - near).max()), 4),
@@ -111,11 +111,11 @@ def _robot(report: SurveyReport, index: int, digits: int, per_time: float) -> di
         "name": report.robots[index],
         "colour": agent_colour(index),
         "dash": _DASHES[agent_line(index)],
-        "route": {**_places(report.points(agent.route), digits), "time": _reals(agent.route_time * per_time)},
+        "route": {**_places(report.geo.to_user(agent.route), digits), "time": _reals(agent.route_time * per_time)},
         "measured": {
-            **_places(report.points(agent.measurement_x), digits),
+            **_places(report.geo.to_user(agent.measurement_x), digits),
             "time": _reals(agent.measurement_time * per_time),
-            "value": _reals(report.values(agent.measurement_y)),
+            "value": _reals(report.geo.to_user_values(agent.measurement_y)),
         },
     }
 
@@ -127,9 +127,9 @@ def _told(report: SurveyReport, told: Told, digits: int, per_time: float) -> dic
         xx, xy, yy = np.asarray(told.covariance, np.float64)
         root = np.linalg.cholesky(np.array([[xx, xy], [xy, yy]]))
         circle = np.stack([np.cos(_ELLIPSE), np.sin(_ELLIPSE)], axis=-1)
-        ellipse = _places(report.points(told.mean + _RADIUS * circle @ root.T), digits)
+        ellipse = _places(report.geo.to_user(told.mean + _RADIUS * circle @ root.T), digits)
     future = np.isfinite(told.place_times)
-    places = _places(report.points(told.places[future]), digits)
+    places = _places(report.geo.to_user(told.places[future]), digits)
     return {"ellipse": ellipse, "places": {**places, "time": _reals(told.place_times[future] * per_time)}}
 
 
@@ -150,7 +150,7 @@ def _value_limits(report: SurveyReport, frames: Frames, truth: np.ndarray | None
     values = np.concatenate(shown)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     # Rounding of a mean that is the same everywhere must not look like a pattern.
-    prior_std = float(report.std(np.asarray(report.episode.scenario.signal_variance**0.5)))
+    prior_std = float(report.geo.to_user_std(report.episode.scenario.signal_variance**0.5))
     if high - low > 1e-3 * prior_std:
         return [_real(low), _real(high)]
     return [_real(min(low, report.threshold) - prior_std), _real(max(high, report.threshold) + prior_std)]

@@ -55,13 +55,13 @@ def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
     count = belief.area.sum(axis=1)
     return Frames(
         times=times,
-        mean=grid.pictures(report.values(belief.mean)),
-        std=grid.pictures(report.std(np.sqrt(np.maximum(belief.variance, 0.0)))),
+        mean=grid.pictures(report.geo.to_user_values(belief.mean)),
+        std=grid.pictures(report.geo.to_user_std(np.sqrt(np.maximum(belief.variance, 0.0)))),
         surplus=grid.pictures(inside_only(belief.bound - scenario.threshold, inside)),
         trace=np.asarray(belief.trace, np.float64),
         area=count / points,
-        spread=report.std(np.sqrt(np.asarray(belief.trace, np.float64) / np.maximum(count, 1))),
-        rmse=report.std(np.sqrt((error**2).sum(axis=1) / points)) if report.truth_known else unknown,
+        spread=report.geo.to_user_std(np.sqrt(np.asarray(belief.trace, np.float64) / np.maximum(count, 1))),
+        rmse=report.geo.to_user_std(np.sqrt((error**2).sum(axis=1) / points)) if report.truth_known else unknown,
         found=(belief.area & true_area).sum(axis=1) / true_area.sum()
         if report.truth_known and true_area.any()
         else unknown,

@@ -54,7 +54,7 @@ def map_grid(report: SurveyReport) -> MapGrid:
     scenario = report.episode.scenario
     side = scenario.grid
     x, y = (np.linspace(0.0, length, side) for length in scenario.extent)
-    where = report.points(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))  # (side, side, 2)
+    where = report.geo.to_user(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))  # (side, side, 2)
     low, high = where.min(axis=(0, 1)), where.max(axis=(0, 1))
     lines = [np.linspace(low[axis], high[axis], side) for axis in (0, 1)]
     straight = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)

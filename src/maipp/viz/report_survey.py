@@ -69,11 +69,6 @@ class SurveyReport:
         return self.reference or self.episode.geo
 
     @property
-    def geographic(self) -> bool:
-        """Whether the user's coordinates are longitude and latitude."""
-        return self.geo.geographic
-
-    @property
     def x_label(self) -> str:
         """What the x axis of a map shows, with its unit."""
         return self._axis_label("longitude (°)", self.geo.x_name)
@@ -84,24 +79,9 @@ class SurveyReport:
         return self._axis_label("latitude (°)", self.geo.y_name)
 
     @property
-    def value_name(self) -> str:
-        """The measured quantity, without its unit."""
-        return self.geo.quantity
-
-    @property
-    def value_unit(self) -> str:
-        """Unit of the values; empty where it is not known."""
-        return self.geo.unit or ""
-
-    @property
     def threshold(self) -> float:
         """Value from which, or up to which, a place is of high interest, in the user's unit."""
-        return float(self.values(np.asarray(self.episode.scenario.threshold)))
-
-    @property
-    def inverted(self) -> bool:
-        """Whether low values are the interesting ones."""
-        return self.geo.inverted
+        return float(self.geo.to_user_values(self.episode.scenario.threshold))
 
     @property
     def outline(self) -> Float[np.ndarray, "v 2"]:
@@ -112,14 +92,15 @@ class SurveyReport:
         along = np.linspace(0.0, 1.0, 16, endpoint=False)[:, None]
         corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height], [0.0, 0.0]])
         sides = [a + along * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)]
-        return self.points(np.concatenate(sides))
+        return self.geo.to_user(np.concatenate(sides))
 
     @property
     def rings(self) -> tuple[np.ndarray, ...]:
         """No-go zones in the user's coordinates."""
         if self.no_go is not None:
             return self.no_go
-        return () if self.area is not None else tuple(self.points(np.array(p)) for p in self.episode.scenario.obstacles)
+        zones = self.episode.scenario.obstacles if self.area is None else ()
+        return tuple(self.geo.to_user(np.array(zone)) for zone in zones)
 
     @property
     def prior(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -127,28 +108,11 @@ class SurveyReport:
         if self.prior_x is not None and self.prior_y is not None:
             found = np.asarray(self.prior_x, np.float64), np.asarray(self.prior_y, np.float64)
         else:
-            samples = getattr(self.episode, "prior", None)
-            found = None if samples is None else (self.points(samples.x), self.values(samples.y))
+            samples = self.episode.prior
+            found = None if samples is None else (self.geo.to_user(samples.x), self.geo.to_user_values(samples.y))
         return found if found is not None and len(found[1]) else None
 
-    def points(self, points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
-        """The user's coordinates of domain positions."""
-        return self.geo.to_user(points)
-
-    def values(self, values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        """The user's values of normalised ones."""
-        return self.geo.to_user_values(values)
-
-    def std(self, std: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        """Errors and standard deviations in the user's unit."""
-        return self.geo.to_user_std(std)
-
-    @property
-    def aspect(self) -> float:
-        """Length on the ground of a unit of y over that of a unit of x."""
-        return self.geo.for_pictures.aspect
-
     def _axis_label(self, degrees: str, other: str) -> str:
-        if self.geographic:
+        if self.geo.geographic:
             return degrees
         return other if (self.reference or self.episode.reference) is not None else f"{other} (domain units)"

@@ -25,13 +25,13 @@ def facts(report: SurveyReport) -> str:
     """Who planned what, when and with which settings."""
     episode, scenario = report.episode, report.episode.scenario
     options = " ".join(f"{name}={value}" for name, value in episode.options.items())
-    length, bound = length_unit(report), "≤" if report.inverted else "≥"
+    length, bound, geo = length_unit(report), "≤" if report.geo.inverted else "≥", report.geo
     entries = [
         ("Date", report.date),
         ("Planner", f"{episode.planner} {options}".strip()),
         ("Robots", str(len(episode.agents))),
-        ("Measured", _quantity(report)),
-        ("Of high interest", f"{report.value_name} {bound} {setting(report.threshold)} {report.value_unit}".rstrip()),
+        ("Measured", geo.value_name),
+        ("Of high interest", f"{geo.quantity} {bound} {setting(report.threshold)} {geo.unit or ''}".rstrip()),
         ("Measurement every", length.setting(scenario.measurement_interval)),
         ("Length scale of the belief", length.setting(scenario.length_scale)),
         ("Communication range", "unlimited" if scenario.comm_range is None else length.setting(scenario.comm_range)),
@@ -85,8 +85,8 @@ def warnings(report: SurveyReport) -> str:
 def robot_table(report: SurveyReport) -> str:
     """What every robot did, one row each."""
     episode, length, time = report.episode, length_unit(report), time_unit(report)
-    corners = report.points(np.array([[0.0, 0.0], episode.scenario.extent]))
-    digits = decimals(float(np.ptp(corners, axis=0).max()), 5 if report.geographic else 4)
+    corners = report.geo.to_user(np.array([[0.0, 0.0], episode.scenario.extent]))
+    digits = decimals(float(np.ptp(corners, axis=0).max()), 5 if report.geo.geographic else 4)
     unit = f" ({time.name})" if time.name else ""
     place = ", ".join(label.partition(" (")[0].partition(",")[0] for label in (report.x_label, report.y_label))
     heads = [
@@ -101,7 +101,7 @@ def robot_table(report: SurveyReport) -> str:
     ]
     rows = []
     for index, agent in enumerate(episode.agents):
-        start, end = (report.points(place[None])[0] for place in (agent.start, agent.route[-1]))
+        start, end = (report.geo.to_user(place[None])[0] for place in (agent.start, agent.route[-1]))
         cells = [
             f"{start[0]:.{digits}f}, {start[1]:.{digits}f}",
             number(agent.budget * length.factor, 4),
@@ -129,12 +129,8 @@ def swatch(index: int) -> str:
     )
 
 
-def _quantity(report: SurveyReport) -> str:
-    return f"{report.value_name} ({report.value_unit})" if report.value_unit else report.value_name
-
-
 def _valued(value: float, report: SurveyReport) -> str:
-    return f"{number(float(value))} {report.value_unit}".rstrip()
+    return f"{number(float(value))} {report.geo.unit or ''}".rstrip()
 
 
 def _version() -> str:

@@ -1,10 +1,14 @@
 """One look for every picture: colours that colour-blind readers can tell apart, thin frames, small type."""
 
+import os
+
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from maipp.files import atomic_path
 
 # Okabe & Ito 2008, without the yellow that vanishes on bright maps; black comes last.
 AGENT_COLOURS = ("#D55E00", "#56B4E9", "#CC79A7", "#009E73", "#E69F00", "#0072B2", "#000000")
@@ -36,6 +40,19 @@ def new_figure(width: float, height: float, dpi: int) -> Figure:
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def heading(figure: Figure, left: float, title: str, line: str) -> None:
+    """Add the title and a line below it at the upper left corner, `left` inches from the border."""
+    width, height = figure.get_size_inches()
+    figure.text(left / width, 1 - 0.18 / height, title, fontsize=LARGE, weight="bold", va="top")
+    figure.text(left / width, 1 - 0.42 / height, line, fontsize=MEDIUM, color=GREY, va="top")
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write the figure into a picture file. Raises `InputError` where it cannot be written."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary)
 
 
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
