@@ -6,13 +6,10 @@ import jax
 import numpy as np
 from pettingzoo import AECEnv
 
-from maipp.adapters.form import Form
-from maipp.adapters.moves import begin, look, play
+from maipp.adapters.moves import Move, begin, look, play
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.adapters.view import View
-from maipp.engine.mission import Field
 from maipp.engine.state import State
-from maipp.scenario import Scenario
 
 
 class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the other defines
@@ -22,21 +19,6 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
     """
 
     metadata = {"name": "maipp_survey_v0", "render_modes": list(RENDER_MODES), "is_parallelizable": False}
-
-    def __init__(
-        self,
-        scenario: Scenario | None = None,
-        *,
-        actions: str = "neighbour",
-        view: str = "local",
-        reward: str = "paper",
-        masked: str = "nearest",
-        max_cycles: int | None = None,
-        field: Field | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        AECEnv.__init__(self)
-        self._prepare(scenario, Form(actions, view), reward, masked, max_cycles, field, render_mode, extra_moves=0)
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Draw a new world and give the turn to the first agent; a seed also decides the worlds that follow."""
@@ -93,9 +75,8 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
                 self.rewards[agent] = self._gain(index, float(view.trace), ended=True)
                 self._accumulate_rewards()
                 return
-        state, due, view = play(
-            self.scenario, self.form, self._mission, self._state, np.int32(index), choice, np.bool_(over)
-        )
+        move = Move(np.int32(index), choice, np.bool_(over))
+        state, due, view = play(self.scenario, self.form, self._mission, self._state, move)
         if self.agents:
             self._turn(state, due, view)
         else:
@@ -118,10 +99,3 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         if due and not over:
             mask[:] = view.allowed
         return self._observation(view, mask)
-
-    def _survey_state(self) -> State:
-        return self._state
-
-    def _render_if_watched(self) -> None:
-        if self.render_mode == "human":
-            self.render()

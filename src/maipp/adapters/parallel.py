@@ -6,14 +6,10 @@ import jax
 import numpy as np
 from pettingzoo import ParallelEnv
 
-from maipp.adapters.form import Form
-from maipp.adapters.moves import look_all, move, start
+from maipp.adapters.moves import Move, depart, look_all, start
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.adapters.view import View
-from maipp.engine.mission import Field
-from maipp.engine.state import State
 from maipp.errors import InputError
-from maipp.scenario import Scenario
 
 Answer = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]
 
@@ -34,19 +30,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
 
     metadata = {"name": "maipp_survey_v0", "render_modes": list(RENDER_MODES)}
 
-    def __init__(
-        self,
-        scenario: Scenario | None = None,
-        *,
-        actions: str = "neighbour",
-        view: str = "local",
-        reward: str = "paper",
-        masked: str = "nearest",
-        max_cycles: int | None = None,
-        field: Field | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        self._prepare(scenario, Form(actions, view), reward, masked, max_cycles, field, render_mode, extra_moves=1)
+    _extra_moves = 1  # wait
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -74,9 +58,8 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         return [int(index) for index in np.flatnonzero(due)]
 
     def _move(self, index: int, choice: np.ndarray, stop: bool) -> None:
-        self._state = move(
-            self.scenario, self.form, self._mission, self._state, np.int32(index), choice, np.bool_(stop)
-        )
+        move = Move(np.int32(index), choice, np.bool_(stop))
+        self._state = depart(self.scenario, self.form, self._mission, self._state, move)
 
     def step(self, actions: dict[str, Any]) -> Answer:
         """What all agents do until somebody arrives next. Only the actions of agents that have arrived are read.
@@ -152,10 +135,3 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
             observations[name] = self._observation(view, mask)
             infos[name] = self._info(index, time, view, travelling=not due)
         return observations, infos
-
-    def _survey_state(self) -> State:
-        return self._state
-
-    def _render_if_watched(self) -> None:
-        if self.render_mode == "human":
-            self.render()

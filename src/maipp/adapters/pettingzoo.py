@@ -24,14 +24,8 @@ __all__ = [
 ]
 
 
-def aec_env(scenario: Scenario | None = None, **options: Any) -> SurveyAEC:
-    """A survey in which whoever arrives first decides; the options are those of `SurveyAEC`."""
-    return SurveyAEC(scenario, **options)
-
-
-def parallel_env(scenario: Scenario | None = None, **options: Any) -> SurveyParallel:
-    """A survey in which all who have arrived decide together; the options are those of `SurveyParallel`."""
-    return SurveyParallel(scenario, **options)
+aec_env = raw_env = SurveyAEC  # whoever arrives first decides; the names are PettingZoo's customary ones
+parallel_env = SurveyParallel  # all who have arrived decide together
 
 
 def env(scenario: Scenario | None = None, **options: Any) -> AECEnv:
@@ -40,6 +34,3 @@ def env(scenario: Scenario | None = None, **options: Any) -> AECEnv:
     if made.form.actions == "waypoint":
         made = ClipOutOfBoundsWrapper(made)
     return OrderEnforcingWrapper(made)
-
-
-raw_env = aec_env

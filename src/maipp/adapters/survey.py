@@ -31,24 +31,23 @@ _for_decision, _for_end = (jax.jit(function, static_argnums=0) for function in (
 class Survey:
     """The part of an environment that does not depend on how agents take turns."""
 
-    possible_agents: list[str]
-    scenario: Scenario
-    form: Form
-    render_mode: str | None
+    _extra_moves = 0  # besides those to the neighbours
+    _state: State  # the engine's, now
 
-    def _prepare(
+    def __init__(
         self,
-        scenario: Scenario | None,
-        form: Form,
-        reward: str,
-        masked: str,
-        max_cycles: int | None,
-        field: Field | None,
-        render_mode: str | None,
-        extra_moves: int,
+        scenario: Scenario | None = None,
+        *,
+        actions: str = "neighbour",
+        view: str = "local",
+        reward: str = "paper",
+        masked: str = "nearest",
+        max_cycles: int | None = None,
+        field: Field | None = None,
+        render_mode: str | None = None,
     ) -> None:
-        """Check the options and build the spaces. Raises InputError for options that make no sense."""
-        scenario = Scenario() if scenario is None else scenario
+        """Check the options (docs/pettingzoo.md) and build the spaces. Raises InputError for what makes no sense."""
+        scenario, form = Scenario() if scenario is None else scenario, Form(actions, view)
         check_form(scenario, form)
         check_option("reward", reward, REWARDS)
         check_option("masked", masked, MASKED)
@@ -67,7 +66,7 @@ class Survey:
         self.possible_agents = [f"robot_{i}" for i in range(scenario.agents)]
         self.agents: list[str] = []
         self._index = {name: i for i, name in enumerate(self.possible_agents)}
-        moves = scenario.neighbours + extra_moves
+        moves = scenario.neighbours + self._extra_moves
         self.action_spaces = {name: action_space(scenario, form, moves) for name in self.possible_agents}
         self.observation_spaces = {name: observation_space(scenario, form, moves) for name in self.possible_agents}
         self._moves = moves
@@ -151,13 +150,9 @@ class Survey:
             "replaced": self._replaced[index],
         }
 
-    def _survey_state(self) -> State:
-        """The engine's state now."""
-        raise NotImplementedError
-
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
-        return self._missions, jax.tree.map(lambda a: a[None], self._survey_state())
+        return self._missions, jax.tree.map(lambda a: a[None], self._state)
 
     def metrics(self) -> Metrics:
         """Quality of the survey as decided so far; every number has a leading axis of one."""
@@ -174,13 +169,17 @@ class Survey:
         if self.render_mode is None:
             gymnasium.logger.warn("render() does nothing without a render_mode: 'human', 'rgb_array' or 'ansi'")
             return None
-        time = float(self._survey_state().time)
+        time = float(self._state.time)
         if self.render_mode == "ansi":
             return as_text(self.episode(), time)
         if self.render_mode == "rgb_array":
             return draw_survey(self.episode(), time)
         self._figure = show(self._figure, self.episode(), time)
         return None
+
+    def _render_if_watched(self) -> None:
+        if self.render_mode == "human":
+            self.render()
 
     def close(self) -> None:
         """Close the window, if there is one."""
