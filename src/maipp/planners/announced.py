@@ -8,7 +8,7 @@ from maipp.belief import Belief
 from maipp.engine.decision import Observation
 from maipp.planners.told import count_told
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Bool, Float
+from maipp.typing import Array, Float
 
 
 class Announcement(NamedTuple):
@@ -21,13 +21,6 @@ class Announcement(NamedTuple):
 def nothing_announced(count: int) -> Announcement:
     """The announcement of an agent that has not planned yet."""
     return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf, jnp.result_type(float)))
-
-
-def latest(heard: Bool[Array, " m"], new: Announcement, old: Announcement) -> Announcement:
-    """The new announcements of the agents heard, the old ones of the others; leading axis m."""
-    return Announcement(
-        jnp.where(heard[:, None, None], new.points, old.points), jnp.where(heard[:, None], new.times, old.times)
-    )
 
 
 def with_announced(

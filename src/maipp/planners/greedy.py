@@ -6,7 +6,7 @@ from maipp.belief import to_rank
 from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted_trace
-from maipp.planners.told import count_told
+from maipp.planners.told import count_targets, no_target
 from maipp.typing import Key
 
 
@@ -23,25 +23,15 @@ class Greedy(Planner):
 
     def empty_message(self) -> PyTree:
         """The announced target: position (2,), NaN before the first decision."""
-        return jnp.full(2, jnp.nan, jnp.result_type(float)) if self.shared else ()
+        return no_target() if self.shared else ()
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""
         here = edges_here(self.scenario, observation)
-        belief = observation.belief
-        if self.shared:
-            valid = observation.heard & jnp.isfinite(observation.messages[:, 0])
-            targets = jnp.where(valid[:, None], observation.messages, 0.0)
-            value = self.scenario.virtual_value
-            belief = count_told(belief, targets, valid, near=observation.position, virtual_value=value)
-        score = predicted_trace(
-            belief,
-            self.interest,
-            observation.inside,
-            here.targets[:, None, :],
-            here.allowed[:, None],
-            virtual_value=self.scenario.virtual_value,
-        )
+        value = self.scenario.virtual_value
+        belief = count_targets(observation, value) if self.shared else observation.belief
+        next_one = here.targets[:, None, :], here.allowed[:, None]
+        score = predicted_trace(belief, self.interest, observation.inside, *next_one, virtual_value=value)
         best = jnp.argmin(jnp.where(here.allowed, to_rank(score), jnp.inf))
         target = here.targets[best]
         # An agent that stops goes nowhere: it must not keep a place claimed for the rest of the mission.

@@ -16,11 +16,12 @@ from maipp.planners.intent_belief import with_intents
 from maipp.planners.policy_paths import Paths, Situation
 from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
+from maipp.planners.told import latest
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
 from maipp.team.intent import is_told
-from maipp.typing import Array, Bool, Float, Index, Int, Key
+from maipp.typing import Array, Float, Index, Int, Key
 
 # Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
 _BLUR = 0.02
@@ -81,7 +82,7 @@ class IntentPlanner(PolicyPlanner):
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node with the agent's intent, and what a trainer needs to know of the decision."""
-        intents = _latest(observation.heard, observation.messages, memory.intents)
+        intents = latest(observation.heard, observation.messages, memory.intents)
         if self.recall:
             # Silence may mean out of range: what was last heard is still the best guess of where that agent measures.
             observation = dataclasses.replace(observation, messages=intents, heard=is_told(intents))
@@ -150,8 +151,3 @@ class IntentPlanner(PolicyPlanner):
         fit = trajectory_intent if self.intent == "trajectory" else destination_intent
         # The floor is that of a unit square; it grows with the survey area.
         return fit(nodes[paths.nodes], taken, COVARIANCE_FLOOR * longest_side(self.scenario.extent) ** 2)
-
-
-def _latest(heard: Bool[Array, " m"], new: Intent, old: Intent) -> Intent:
-    """The new intents of the agents heard, the old ones of the others."""
-    return jax.tree.map(lambda n, o: jnp.where(heard[:, None], n, o), new, old)

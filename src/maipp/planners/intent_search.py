@@ -11,13 +11,14 @@ import jax.numpy as jnp
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.engine.polyline import along_paths
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
+from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.policy_paths import Paths, Situation
 from maipp.planners.policy_planner import PolicyPlanner
 from maipp.planners.receding_horizon import LegMemory, first_memory
 from maipp.planners.roadmap_step import roadmap_of
+from maipp.planners.told import latest
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.scenario import DISTANCE_TOLERANCE

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, latest, nothing_announced, with_announced
+from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
+from maipp.planners.told import latest
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float, Key
 

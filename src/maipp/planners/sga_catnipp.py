@@ -12,7 +12,7 @@ from maipp.belief import Belief
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.planners.policy_planner import Choice, PolicyPlanner
 from maipp.planners.roadmap_step import roadmap_of
-from maipp.planners.told import count_told
+from maipp.planners.told import count_targets, no_target
 from maipp.typing import Key
 
 
@@ -24,14 +24,11 @@ class SgaCatnipp(PolicyPlanner):
 
     def empty_message(self) -> PyTree:
         """The announced next node: position (2,), NaN before the first decision."""
-        return jnp.full(2, jnp.nan, jnp.result_type(float))
+        return no_target()
 
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with the others' announced next nodes counted as measured."""
-        told = observation.heard & jnp.isfinite(observation.messages).all(axis=-1)
-        targets = jnp.where(told[:, None], observation.messages, 0.0)
-        value = self.scenario.virtual_value
-        return count_told(observation.belief, targets, told, near=observation.position, virtual_value=value)
+        return count_targets(observation, self.scenario.virtual_value)
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node, announced, and what a trainer needs to know of the decision."""
