@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 from shapely.geometry import MultiPolygon, Point, Polygon
 
 from maipp.errors import InputError
-from maipp.surveys.area import MOST_VERTICES, Start, Told, as_region, check_size, free_space
+from maipp.geo import GeoReference
+from maipp.surveys.area import MOST_VERTICES, PlaceNames, Start, as_region, check_size, free_space
 
 BOX = shapely.box(0, 0, 1000, 800)
 NOTHING = MultiPolygon()
+NAMES = PlaceNames(GeoReference.of_area((0.0, 0.0, 1.0, 1.0)))  # plain metres
 
 
 def start(x, y, name="boat"):
@@ -19,7 +21,7 @@ def start(x, y, name="boat"):
 
 
 def space(area, no_go, *starts, clearance=0.0):
-    return free_space(area, no_go, list(starts), float(clearance), "m.yaml:1: area", Told())
+    return free_space(area, no_go, list(starts), float(clearance), "m.yaml:1: area", NAMES)
 
 
 @st.composite
@@ -74,8 +76,14 @@ def test_a_start_on_or_near_the_edge_is_moved_inside(x):
 @pytest.mark.parametrize(
     ("area", "no_go", "starts", "clearance", "problem"),
     [
-        (BOX, NOTHING, [start(-50, 10)], 0, "m.yaml:3: robots[0].start: (-50, 10) lies 50 m outside the area"),
-        (BOX, shapely.box(100, 100, 300, 300), [start(200, 200)], 0, "(200, 200) lies 100 m deep inside a no-go zone"),
+        (BOX, NOTHING, [start(-50, 10)], 0, "m.yaml:3: robots[0].start: (-50.0, 10.0) lies 50 m outside the area"),
+        (
+            BOX,
+            shapely.box(100, 100, 300, 300),
+            [start(200, 200)],
+            0,
+            "(200.0, 200.0) lies 100 m deep inside a no-go",
+        ),
         (BOX, shapely.box(-9, -9, 1009, 809), [start(1, 1)], 0, "m.yaml:1: area: the no-go zones cover all"),
         (BOX, NOTHING, [start(1, 1)], 500, "nothing of the area keeps 500 m clear"),
         (
@@ -114,12 +122,8 @@ def test_a_passage_closes_when_the_clearance_leaves_no_room():
 
 
 def test_swapped_coordinates_are_noticed():
-    class Swapped(Told):
-        def swapped(self, start):
-            return Point(start.place[1], start.place[0])
-
     with pytest.raises(InputError, match="with its two numbers swapped it lies inside"):
-        free_space(shapely.box(0, 5000, 1000, 6000), NOTHING, [start(5500, 500)], 0.0, "area", Swapped())
+        free_space(shapely.box(0, 5000, 1000, 6000), NOTHING, [start(5500, 500)], 0.0, "area", NAMES)
 
 
 def test_a_coast_of_many_vertices_is_simplified():

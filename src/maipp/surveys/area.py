@@ -13,6 +13,7 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
+from maipp.geo import GeoReference
 from maipp.typing import Float
 
 # The border that planners see is simplified until it has no more vertices than this: each planner tests its legs
@@ -47,6 +48,25 @@ class Start:
     name: str  # the robot's
 
 
+@dataclass(frozen=True)
+class PlaceNames:
+    """Places told in the user's coordinates."""
+
+    frame: GeoReference  # its plane has local metres
+
+    def place(self, point: Point) -> str:
+        """The place in the user's coordinates."""
+        x, y = self.frame.from_plane(np.array([point.x, point.y])).tolist()
+        return f"({x:.6f}, {y:.6f})" if self.frame.geographic else f"({x:.1f}, {y:.1f})"
+
+    def swapped(self, start: Start) -> BaseGeometry | None:
+        """Where the start would be if its two coordinates were meant the other way round, local metres."""
+        x, y = self.frame.from_plane(np.array(start.place)).tolist()
+        if self.frame.geographic and abs(x) > 90:
+            return None
+        return Point(self.frame.to_plane(np.array([y, x])))
+
+
 def check_size(bounds: tuple[float, float, float, float], where: str) -> None:
     """Raise `InputError` for an area that is too small or too large for one survey."""
     longest = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
@@ -58,7 +78,7 @@ def check_size(bounds: tuple[float, float, float, float], where: str) -> None:
 
 
 def free_space(
-    area: BaseGeometry, no_go: BaseGeometry, starts: list[Start], clearance: float, where: str, told: "Told"
+    area: BaseGeometry, no_go: BaseGeometry, starts: list[Start], clearance: float, where: str, told: PlaceNames
 ) -> FreeSpace:
     """The part of the area that the robots can reach from their starts with this clearance from every border.
 
@@ -107,18 +127,6 @@ def free_space(
     return FreeSpace(region, np.array(moved), margin, tuple(warnings))
 
 
-class Told:
-    """How places are told to the user; the plain metres unless a subclass knows better."""
-
-    def place(self, point: Point) -> str:
-        """The place in the user's coordinates."""
-        return f"({point.x:.6g}, {point.y:.6g})"
-
-    def swapped(self, start: Start) -> BaseGeometry | None:
-        """Where the start would be if its two coordinates were meant the other way round, local metres."""
-        return None
-
-
 def _shrink(true: BaseGeometry, clearance: float, longest: float) -> tuple[list[Polygon], float, float]:
     """The simplified parts of what is left of a region away from its border; how far, and how far at least."""
     tolerance = longest * _FINEST
@@ -155,7 +163,7 @@ def _home(
     parts: list[Polygon],
     shift: float,
     longest: float,
-    told: Told,
+    told: PlaceNames,
 ) -> int:
     """The index of the part that a start belongs to. Raises `InputError` for a start outside or without room."""
     point = Point(start.place)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import shapely
 from shapely.affinity import translate
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from maipp.errors import InputError
 from maipp.geo import WGS84, Crs, GeoReference, check_degrees
-from maipp.surveys.area import Start, Told, as_region, check_size
+from maipp.surveys.area import Start, as_region, check_size
 from maipp.surveys.geojson import Rings, to_polygon
 from maipp.surveys.raster_area import load_area, raster_polygons
 from maipp.surveys.survey import RasterArea, Survey
@@ -101,23 +101,6 @@ def _named(survey: Survey) -> str:
     """The quantity with its unit behind it."""
     name = survey.quantity or "value"
     return f"{name} ({survey.unit})" if survey.unit else name
-
-
-class PlaceNames(Told):
-    """Places told in the user's coordinates."""
-
-    def __init__(self, frame: GeoReference) -> None:
-        self.frame = frame
-
-    def place(self, point: Point) -> str:
-        x, y = self.frame.from_plane(np.array([point.x, point.y])).tolist()
-        return f"({x:.6f}, {y:.6f})" if self.frame.geographic else f"({x:.1f}, {y:.1f})"
-
-    def swapped(self, start: Start) -> BaseGeometry | None:
-        x, y = self.frame.from_plane(np.array(start.place)).tolist()
-        if self.frame.geographic and abs(x) > 90:
-            return None
-        return Point(self.frame.to_plane(np.array([y, x])))
 
 
 def _to_metres(frame: GeoReference, region: BaseGeometry, piece: float) -> BaseGeometry:

@@ -9,7 +9,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, load_raster
-from maipp.geo import WGS84, Crs, check_degrees, transform
+from maipp.geo import WGS84, Crs, check_degrees, transform, unwrap
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.surveys.systems import file_system
 
@@ -34,8 +34,7 @@ def raster_field(prepared: PreparedSurvey, path: Path, value: str | None = None,
         user = transform(user, WGS84, own, str(path))
     if own == WGS84:
         check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), str(path))
-        middle = (data.x[0] + data.x[-1]) / 2
-        user[..., 0] += 360.0 * np.round((middle - user[..., 0]) / 360.0)
+        user = unwrap(user, float(data.x[0] + data.x[-1]) / 2)
     low, high = np.array([data.x[0], data.y[0]]), np.array([data.x[-1], data.y[-1]])
     # Half a cell beyond: values of a map stand for their cells.
     half = (high - low) / (np.array([len(data.x), len(data.y)]) - 1) / 2

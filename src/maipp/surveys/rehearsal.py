@@ -137,13 +137,7 @@ def _drawn(prepared: PreparedSurvey, count: int, seed: int) -> Any:
     kernel = Matern32(scenario.length_scale, scenario.signal_variance)
     key = jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM)
     x, y = prepared.prior or (None, None)
-    fields = draw_fields(key, kernel, count, x=x, y=y, noise=prepared.prior_noise)
-    if x is not None:
-        return fields
-    # One sample without weight: batches take no arrays without elements.
-    real = fields.phase.dtype
-    room = jnp.zeros((count, 1, 2), real), jnp.zeros((count, 1), real)
-    return eqx.tree_at(lambda field: (field.samples, field.weights), fields, room)
+    return draw_fields(key, kernel, count, x=x, y=y, noise=prepared.prior_noise)
 
 
 @eqx.filter_jit

@@ -13,9 +13,9 @@ from maipp.errors import InputError
 from maipp.geo import Crs, GeoReference, unwrap, wrap
 from maipp.records import FieldError
 from maipp.scenario import Scenario
-from maipp.surveys.area import FreeSpace, as_region, free_space
+from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
-from maipp.surveys.place import Place, PlaceNames, find_place, starts_of
+from maipp.surveys.place import Place, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
 from maipp.surveys.survey import Survey
 from maipp.typing import Float
@@ -87,8 +87,7 @@ def prepare(
     but possible is in `warnings`.
     """
     place = find_place(survey)
-    told = PlaceNames(place.frame)
-    starts = starts_of(survey, place)
+    starts, told = starts_of(survey, place), PlaceNames(place.frame)
     space = free_space(place.area, place.no_go, starts, survey.clearance_m, survey.where("area"), told)
     prior = find_prior(survey, place, space)
     warnings = [*place.warnings, *space.warnings, *prior.warnings]
