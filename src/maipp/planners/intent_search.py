@@ -12,8 +12,7 @@ from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.engine.polyline import along_paths
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.leg_planner import LegPlanner
-from maipp.planners.lookahead import measurement_offsets
+from maipp.planners.leg_planner import Ahead, LegPlanner
 from maipp.planners.policy_paths import Paths, Situation
 from maipp.planners.policy_planner import PolicyPlanner
 from maipp.planners.receding_horizon import LegMemory, first_memory
@@ -21,7 +20,6 @@ from maipp.planners.roadmap_step import roadmap_of
 from maipp.planners.told import latest
 from maipp.policy import Memory
 from maipp.problem import longest_side
-from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.team import COVARIANCE_FLOOR, Intent, fit_intent, fuse_intents
 from maipp.typing import Array, Float, Key
 
@@ -78,10 +76,7 @@ class IntentSearch(PolicyPlanner, LegPlanner):
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
         path_key, search_key = jax.random.split(key)
-        interval, where = self.scenario.measurement_interval, observation.position
-        offsets = measurement_offsets(observation.to_next_measurement, interval, self.legs)
-        steps = jnp.diff(offsets, prepend=0.0)
-        affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
+        ahead = self.ahead(observation)
         heard = latest(observation.heard, observation.messages, memory.legs.heard)
         belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
 
@@ -92,19 +87,15 @@ class IntentSearch(PolicyPlanner, LegPlanner):
             search_key,
             belief,
             observation.inside,
-            where,
+            observation.position,
             memory.legs.plan,
-            steps,
-            affordable,
+            ahead.steps,
+            ahead.affordable,
             observation.belief.variance,
             remaining=observation.remaining,
-            proposals=self._proposals(situation, paths, offsets),
+            proposals=self._proposals(situation, paths, ahead),
         )
-        leg = self.first_leg(observation, belief, plans.best, steps, offsets, affordable)
-        message = Announcement(
-            leg.points, jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
-        )
-        way, left = self.depart(where, leg, steps)
+        way, message, left = self.set_out(observation, belief, plans.best, ahead)
         return Decision(way, message, SearchMemory(insight.memory, LegMemory(left, heard)))
 
     def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
@@ -114,10 +105,9 @@ class IntentSearch(PolicyPlanner, LegPlanner):
         intents: Intent = jax.vmap(lambda points, mask: fit_intent(points, mask, floor))(heard.points, told)
         return fuse_intents(intents, told.any(axis=1), jnp.asarray(roadmap_of(observation).nodes))
 
-    def _proposals(self, situation: Situation, paths: Paths, offsets: Float[Array, " h"]) -> Float[Array, "a h 2"]:
+    def _proposals(self, situation: Situation, paths: Paths, ahead: Ahead) -> Float[Array, "a h 2"]:
         """The sampled paths as plans: from one measurement to the next, units of a leg."""
         nodes = jnp.asarray(situation.roadmap.nodes)[paths.nodes]
-        points, _ = along_paths(situation.position, nodes, offsets)
+        points, _ = along_paths(situation.position, nodes, ahead.offsets)
         begins = jnp.concatenate([jnp.broadcast_to(situation.position, (len(points), 1, 2)), points[:, :-1]], axis=1)
-        steps = jnp.diff(offsets, prepend=0.0)
-        return (points - begins) / jnp.maximum(steps, 1e-9)[:, None]
+        return (points - begins) / jnp.maximum(ahead.steps, 1e-9)[:, None]

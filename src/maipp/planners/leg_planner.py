@@ -1,5 +1,7 @@
 """Planning one agent's next legs: what every continuous receding-horizon planner does."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jax import lax
 from jax.scipy.special import ndtr
@@ -9,15 +11,17 @@ from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.decision import Observation, option
 from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
+from maipp.planners.announced import Announcement
 from maipp.planners.detour import long_run
 from maipp.planners.first_leg import FirstLeg, depart, either, length
 from maipp.planners.headings import bend, walk, walk_bent
-from maipp.planners.lookahead import predicted
+from maipp.planners.lookahead import measurement_offsets, predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
 from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.rendezvous import lateness, rendezvous
 from maipp.planners.transit import best_transit
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Int, Key, Real
 
 # Width of the border of the area by which grid points are picked for the search, field units.
@@ -48,6 +52,14 @@ _MOST_DECISIONS = 4
 
 # A leg of less than this part of what it costs is worth looking for another one.
 _SHORT = 0.5
+
+
+class Ahead(NamedTuple):
+    """The next legs of an agent, a measurement at the end of each."""
+
+    offsets: Float[Array, " h"]  # distances to the measurements, domain units
+    steps: Float[Array, " h"]  # lengths of the legs, domain units
+    affordable: Bool[Array, " h"]  # within its budget
 
 
 class LegPlanner(PlanePlanner):
@@ -165,39 +177,36 @@ class LegPlanner(PlanePlanner):
         """Where the legs of plans end: displacements in units of a leg, from `position`."""
         return walk_bent(position, plans, steps, self.scenario.extent, self.zones)
 
-    def first_leg(
-        self,
-        observation: Observation,
-        belief: Belief,
-        plan: Float[Array, "h 2"],
-        steps: Float[Array, " h"],
-        offsets: Float[Array, " h"],
-        affordable: Bool[Array, " h"],
-    ) -> FirstLeg:
-        """The first leg of a plan, from where the due agent is; what `belief` counts as measured is worth nothing.
+    def ahead(self, observation: Observation) -> Ahead:
+        """The due agent's next legs."""
+        offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.legs)
+        affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
+        return Ahead(offsets, jnp.diff(offsets, prepend=0.0), affordable)
 
-        `steps` and `offsets` (domain units) are the lengths of the legs and the distances to the next measurements.
-        Where there are no-go zones, the agent may set out for something farther away that is worth more for the way to
-        it, and does not stand still before its budget is spent.
+    def set_out(
+        self, observation: Observation, belief: Belief, plan: Float[Array, "h 2"], ahead: Ahead
+    ) -> tuple[Float[Array, "2 2"], Announcement, Float[Array, "h 2"]]:
+        """What the due agent travels before it plans again, what it announces, and what is left of its plan then.
+
+        What `belief` counts as measured is worth nothing. Where there are no-go zones, the agent may set out for
+        something farther away that is worth more for the way to it, and does not stand still before its budget is
+        spent.
         """
         position = observation.position
-        points = self.walked(position, plan, steps)
-        way = jnp.stack([bend(position, points[0], steps[0], self.scenario.extent, self.zones), points[0]])
+        points = self.walked(position, plan, ahead.steps)
+        way = jnp.stack([bend(position, points[0], ahead.steps[0], self.scenario.extent, self.zones), points[0]])
         leg = FirstLeg(way, points, plan)
-        return leg if self.zones is None else self._better(observation, belief, leg, offsets, affordable)
+        if self.zones is not None:
+            leg = self._better(observation, belief, leg, ahead)
+        times = jnp.where(ahead.affordable, observation.time + ahead.offsets / observation.speed, jnp.inf)
+        way, left = depart(position, leg, ahead.steps, self.scenario.measurement_interval / self.decisions_per_leg)
+        return way, Announcement(leg.points, times), left
 
-    def _better(
-        self,
-        observation: Observation,
-        belief: Belief,
-        leg: FirstLeg,
-        offsets: Float[Array, " h"],
-        affordable: Bool[Array, " h"],
-    ) -> FirstLeg:
+    def _better(self, observation: Observation, belief: Belief, leg: FirstLeg, ahead: Ahead) -> FirstLeg:
         """The leg, or the beginning of the way to something that is worth more for its length, or any way out."""
         zones, position, inside = self.zones, observation.position, observation.inside
         assert zones is not None
-        steps, interval = jnp.diff(offsets, prepend=0.0), self.scenario.measurement_interval
+        (offsets, steps, affordable), interval = ahead, self.scenario.measurement_interval
         known = observation.belief.variance
         now = self.expected(belief.mean, belief.variance, known, inside)
 
@@ -236,12 +245,6 @@ class LegPlanner(PlanePlanner):
         run = either(far, away, run)
         short = length(position, leg.way) < _SHORT * jnp.minimum(steps[0], observation.remaining)
         return either(short & (length(position, run.way) > length(position, leg.way)), run, leg)
-
-    def depart(
-        self, position: Float[Array, "2"], leg: FirstLeg, steps: Float[Array, " h"]
-    ) -> tuple[Float[Array, "2 2"], Float[Array, "h 2"]]:
-        """What an agent travels of its first leg before it plans again, and what is left of its plan then."""
-        return depart(position, leg, steps, self.scenario.measurement_interval / self.decisions_per_leg)
 
     def expected(
         self,

@@ -9,10 +9,8 @@ from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
 from maipp.planners.leg_planner import LegPlanner
-from maipp.planners.lookahead import measurement_offsets
 from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
 from maipp.planners.told import latest
-from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float, Key
 
 
@@ -64,24 +62,25 @@ class RecedingHorizon(LegPlanner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
-        heard = memory.heard
-        offsets = measurement_offsets(observation.to_next_measurement, self.scenario.measurement_interval, self.legs)
-        steps = jnp.diff(offsets, prepend=0.0)
-        affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
+        heard, ahead = memory.heard, self.ahead(observation)
         if self.joint:
-            plan = plan_team(self, self.sweeps, key, observation, memory.plan, steps, affordable)
+            plan = plan_team(self, self.sweeps, key, observation, memory.plan, ahead.steps, ahead.affordable)
             belief = with_announced(observation, observation.messages.legs, self.scenario.virtual_value)
         else:
             heard = latest(observation.heard, observation.messages, heard)
             belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
-            inside, known = observation.inside, observation.belief.variance
-            where, left = observation.position, observation.remaining
-            plans = self.plan_legs(key, belief, inside, where, memory.plan, steps, affordable, known, remaining=left)
-            plan = plans.best
-        leg = self.first_leg(observation, belief, plan, steps, offsets, affordable)
-        times = jnp.where(affordable, observation.time + offsets / observation.speed, jnp.inf)
-        message = Announcement(leg.points, times)
+            plan = self.plan_legs(
+                key,
+                belief,
+                observation.inside,
+                observation.position,
+                memory.plan,
+                ahead.steps,
+                ahead.affordable,
+                observation.belief.variance,
+                remaining=observation.remaining,
+            ).best
+        way, message, left = self.set_out(observation, belief, plan, ahead)
         if self.joint:
-            message = TeamPlan(message, observation.remaining - steps[0])
-        way, left = self.depart(observation.position, leg, steps)
+            message = TeamPlan(message, observation.remaining - ahead.steps[0])
         return Decision(way, message, LegMemory(left, heard))
