@@ -52,11 +52,9 @@ def test_matplotlib_topobathy_loads_with_its_own_coordinates():
         ({"high": float("nan")}, "high=nan"),
         ({"low": -1.5e308, "high": 1.5e308}, "span no finite range"),
         ({"low": 0.0, "high": 1e-320}, "overflow"),
-        ({"extent": (1.0, 0.0)}, r"\(width, height\), both above 0; got 1,0"),
-        ({"extent": (1.0, 1.0, 1.0)}, r"\(width, height\)"),
     ],
 )
-def test_unusable_limits_and_extents_are_refused(options, problem):
+def test_unusable_limits_are_refused(options, problem):
     data = RasterData(VALUES, X, Y * 10, source="survey.npz")
     with pytest.raises(InputError, match=problem) as caught:
         Raster.from_data(data, **options)
@@ -119,14 +117,11 @@ def test_jit_vmap_and_grad_work_and_agree():
     )
 
 
-def test_the_longest_side_becomes_one_unless_an_extent_is_given():
+def test_the_longest_side_becomes_one():
     data = RasterData(VALUES, X, Y)
     raster = Raster.from_data(data)
     assert raster.domain == (1.0, 0.5)
     np.testing.assert_allclose(raster.x, [0, 0.1, 0.25, 0.5, 1.0], rtol=1e-6)
-    stretched = Raster.from_data(data, extent=(2.0, 3.0))
-    assert stretched.domain == (2.0, 3.0)
-    assert (stretched.x[-1], stretched.y[-1]) == (2.0, 3.0)
     assert Raster.from_data(RasterData(VALUES.T, Y, X)).domain == (0.5, 1.0)
 
 

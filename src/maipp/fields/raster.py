@@ -30,7 +30,6 @@ class Raster(eqx.Module):
         cls,
         data: RasterData,
         *,
-        extent: Sequence[float] | None = None,
         low: float | None = None,
         high: float | None = None,
         invert: bool = False,
@@ -38,11 +37,10 @@ class Raster(eqx.Module):
         """The field of `data` in the scenario's units.
 
         Positions: the longest side becomes 1, and the proportions are those on the ground at the file's middle where
-        its reference system is known, else those of its coordinates. `extent` = (width, height) of a fixed domain
-        stretches the file over it instead.
+        its reference system is known, else those of its coordinates.
         Values: `low` -> 0 and `high` -> 1, linearly and without clipping; they default to the smallest and
         largest value. `invert` swaps the two, so that the lowest value is the most interesting.
-        Raises InputError for limits or extents that are not usable, for degrees that are none, and for grid lines that
+        Raises InputError for limits that are not usable, for degrees that are none, and for grid lines that
         the working precision cannot tell apart.
         """
         low = float(data.values.min() if low is None else low)
@@ -54,7 +52,7 @@ class Raster(eqx.Module):
                 + (" (use invert to make the lowest value 1)" if low > high else "")
             )
         size = (float(data.x[-1] - data.x[0]), float(data.y[-1] - data.y[0]))
-        domain, metres_per_unit = _domain(data, size, extent)
+        domain, metres_per_unit = _domain(data, size)
         there = GeoReference(
             origin=(float(data.x[0]), float(data.y[0])),
             size=size,
@@ -124,17 +122,8 @@ def _locate(axis: Float[Array, " k"], position: Float[Array, " n"]) -> tuple[Int
     return cell, (inside - axis[cell]) / (axis[cell + 1] - axis[cell])
 
 
-def _domain(
-    data: RasterData, size: tuple[float, float], extent: Sequence[float] | None
-) -> tuple[tuple[float, float], float | None]:
+def _domain(data: RasterData, size: tuple[float, float]) -> tuple[tuple[float, float], float | None]:
     """Width and height of the domain, and the true metres of a domain unit where they are known."""
-    if extent is not None:
-        if len(extent) != 2 or not all(math.isfinite(side) and side > 0 for side in extent):
-            raise InputError(
-                f"{data.source}: extent must be the domain's (width, height), both above 0; got "
-                + ",".join(f"{side:g}" for side in extent)
-            )
-        return (float(extent[0]), float(extent[1])), None
     if data.crs == WGS84 and (data.y[0] < -90 or data.y[-1] > 90 or size[0] > 360):
         raise InputError(
             f"{data.source}: its coordinates are said to be degrees, but x spans {size[0]:g} and y is {data.y[0]:g}.."
