@@ -221,18 +221,13 @@ def extend(
     innovation = jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
     values = inverse @ innovation.astype(x.dtype)
     effect = belief.effect(query_rows)
-    return Belief(
-        kernel=belief.kernel,
+    return dataclasses.replace(
+        belief,
         x=jnp.concatenate([belief.x, x]),
         mask=jnp.concatenate([belief.mask, mask]),
         inverse_factor=inverse_factor,
         whitened_values=jnp.concatenate([belief.whitened_values, values]),
-        query=belief.query,
         whitened_query=jnp.concatenate([belief.whitened_query, query_rows]),
         mean=belief.mean + values @ effect,
         variance=jnp.maximum(belief.variance - jnp.sum(effect * effect, axis=0), 0.0),
-        noise=belief.noise,
-        survey=belief.survey,
-        shrink=belief.shrink,
-        window=belief.window,
     )

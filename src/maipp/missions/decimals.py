@@ -1,6 +1,7 @@
 """Coordinates as files write them: rounded to what a position is worth."""
 
 import numpy as np
+import shapely
 from jaxtyping import Float
 
 from maipp.missions.route_plan import Ring
@@ -22,6 +23,4 @@ def seconds(times: Float[np.ndarray, " k"]) -> list[float]:
 
 def counterclockwise(ring: Ring) -> Ring:
     """The ring, so turned that what it encloses lies to the left."""
-    x, y = (ring - ring[0]).T  # near 0, so that the products keep their digits
-    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return ring if area > 0 else ring[::-1]
+    return ring if shapely.is_ccw(shapely.linearrings(ring)) else ring[::-1]

@@ -34,14 +34,12 @@ def with_corners(
     kept[0] = True
     for _ in range(_ROUNDS):
         every = np.concatenate([nodes, corners])
-        lengths = _in_sight(every, obstacles)
-        count, label = connected_components(_graph(lengths[: len(nodes), : len(nodes)]), directed=False)
+        lengths = np.maximum(_in_sight(every, obstacles), 1e-12)  # an edge of length zero would be none
+        count, label = connected_components(lengths[: len(nodes), : len(nodes)], directed=False)
         if count == 1:
             break
         home = np.flatnonzero(label == label[0])
-        distance, before, _ = dijkstra(
-            _graph(lengths), directed=False, indices=home, min_only=True, return_predecessors=True
-        )
+        distance, before, _ = dijkstra(lengths, directed=False, indices=home, min_only=True, return_predecessors=True)
         away = np.flatnonzero(label != label[0])
         nearest = away[np.argmin(distance[away])]
         if not np.isfinite(distance[nearest]):
@@ -128,8 +126,3 @@ def _in_sight(points: np.ndarray, obstacles: Obstacles) -> np.ndarray:
     free = ~obstacles.crosses(points[i], points[j])
     lengths[i[free], j[free]] = lengths[j[free], i[free]] = np.linalg.norm(points[i] - points[j], axis=1)[free]
     return lengths
-
-
-def _graph(lengths: np.ndarray) -> csr_array:
-    row, column = np.nonzero(np.isfinite(lengths))
-    return csr_array((np.maximum(lengths[row, column], 1e-12), (row, column)), shape=lengths.shape)
