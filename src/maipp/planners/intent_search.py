@@ -47,11 +47,6 @@ class IntentSearch(PolicyPlanner, LegPlanner):
         PolicyPlanner.__post_init__(self)
         LegPlanner.__post_init__(self)
 
-    @property
-    def waypoints_per_decision(self) -> int:
-        """The bend of a leg and its end."""
-        return 2
-
     def check(self) -> None:
         """Raise InputError for options out of range."""
         PolicyPlanner.check(self)

@@ -94,6 +94,11 @@ class LegPlanner(PlanePlanner):
             raise InputError(f"spread={self.spread}: give a number >= 0, or none")
 
     @property
+    def waypoints_per_decision(self) -> int:
+        """The bend of a leg and its end."""
+        return 2
+
+    @property
     def legs(self) -> int:
         """Legs planned, one measurement each: `horizon`; left out, eight in small teams, fewer in larger ones."""
         if self.horizon is not None:

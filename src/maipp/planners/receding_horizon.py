@@ -40,11 +40,6 @@ class RecedingHorizon(LegPlanner):
     joint: bool = option(False, meaning="plan all agents' legs together")
     sweeps: int = option(2, meaning="joint: times each agent's plan is optimised given the others'")
 
-    @property
-    def waypoints_per_decision(self) -> int:
-        """The bend of a leg and its end."""
-        return 2
-
     def check(self) -> None:
         """Raise InputError for options out of range."""
         super().check()
@@ -64,7 +59,7 @@ class RecedingHorizon(LegPlanner):
         """The first leg of the best plan found."""
         heard, ahead = memory.heard, self.ahead(observation)
         if self.joint:
-            plan = plan_team(self, self.sweeps, key, observation, memory.plan, ahead.steps, ahead.affordable)
+            plan = plan_team(self, self.sweeps, key, observation, memory.plan, ahead)
             belief = with_announced(observation, observation.messages.legs, self.scenario.virtual_value)
         else:
             heard = latest(observation.heard, observation.messages, heard)

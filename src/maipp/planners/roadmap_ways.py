@@ -6,25 +6,26 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.roadmap import Roadmap
-from maipp.typing import Array, Float, Index
+from maipp.typing import Array, Float, Index, Int
 
 
 def lengths_from(roadmap: Roadmap, node: Index) -> Float[Array, " n"]:
     """Length of the shortest way from a node to each node, domain units; inf where there is none."""
-    neighbours, legs = jnp.asarray(roadmap.neighbours), _legs(roadmap)
-    start = jnp.where(jnp.arange(neighbours.shape[0]) == node, 0.0, jnp.inf).astype(legs.dtype)
+    neighbours, legs, start = _legs(roadmap, node)
     return _settled(start, lambda length: length.at[neighbours].min(length[:, None] + legs))
 
 
 def lengths_to(roadmap: Roadmap, node: Index) -> Float[Array, " n"]:
     """Length of the shortest way from each node to a node, domain units; inf where there is none."""
-    neighbours, legs = jnp.asarray(roadmap.neighbours), _legs(roadmap)
-    start = jnp.where(jnp.arange(neighbours.shape[0]) == node, 0.0, jnp.inf).astype(legs.dtype)
+    neighbours, legs, start = _legs(roadmap, node)
     return _settled(start, lambda length: jnp.minimum(length, jnp.min(legs + length[neighbours], axis=1)))
 
 
-def _legs(roadmap: Roadmap) -> Float[Array, "n k"]:
-    return jnp.where(jnp.asarray(roadmap.reachable), jnp.asarray(roadmap.distances), jnp.inf)
+def _legs(roadmap: Roadmap, node: Index) -> tuple[Int[Array, "n k"], Float[Array, "n k"], Float[Array, " n"]]:
+    """Neighbours, the lengths of the legs to them, and the length of the way between each node and `node` so far."""
+    neighbours, legs = jnp.asarray(roadmap.neighbours), jnp.asarray(roadmap.distances)
+    start = jnp.where(jnp.arange(len(neighbours)) == node, 0.0, jnp.inf).astype(legs.dtype)
+    return neighbours, jnp.where(jnp.asarray(roadmap.reachable), legs, jnp.inf), start
 
 
 def _settled(start: Array, shorten: Callable[[Array], Array]) -> Array:

@@ -9,7 +9,7 @@ from jax import lax
 from maipp.belief import Belief, extend
 from maipp.engine.decision import Observation
 from maipp.planners.announced import Announcement
-from maipp.planners.leg_planner import LegPlanner
+from maipp.planners.leg_planner import Ahead, LegPlanner
 from maipp.planners.plan_search import descend
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Key
@@ -42,15 +42,14 @@ def plan_team(
     key: Key,
     observation: Observation,
     last: Float[Array, "h 2"],
-    steps: Float[Array, " h"],
-    affordable: Bool[Array, " h"],
+    ahead: Ahead,
 ) -> Float[Array, "h 2"]:
     """The due agent's legs in the best plan found for the team: displacements, in units of a leg.
 
     Each agent's legs are optimised in turn given the others', `sweeps` times over, then all of them together by
     gradient. Agents that are not heard are left out.
     """
-    team, belief = _gather(planner, observation, last, steps, affordable)
+    team, belief = _gather(planner, observation, last, ahead)
     inside, known = observation.inside, observation.belief.variance
     agents = planner.scenario.agents
     value = planner.scenario.virtual_value
@@ -91,11 +90,7 @@ def plan_team(
 
 
 def _gather(
-    planner: LegPlanner,
-    observation: Observation,
-    last: Float[Array, "h 2"],
-    steps: Float[Array, " h"],
-    affordable: Bool[Array, " h"],
+    planner: LegPlanner, observation: Observation, last: Float[Array, "h 2"], ahead: Ahead
 ) -> tuple[_Team, Belief]:
     """The team as the due agent knows it, and its belief with the legs under way counted as measured."""
     plans: TeamPlan = observation.messages
@@ -120,7 +115,7 @@ def _gather(
     on = announced[:, -1:] if planner.legs > 1 else jnp.zeros((agents, 1, 2))
     return _Team(
         base=base,
-        steps=jnp.where(me[:, None], steps, others_steps),
-        affordable=jnp.where(me[:, None], affordable, within & observation.heard[:, None]),
+        steps=jnp.where(me[:, None], ahead.steps, others_steps),
+        affordable=jnp.where(me[:, None], ahead.affordable, within & observation.heard[:, None]),
         plans=jnp.where(me[:, None, None], last, jnp.concatenate([announced, on], axis=1)),
     ), belief
