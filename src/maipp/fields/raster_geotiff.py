@@ -45,7 +45,7 @@ def read_geotiff(
                 name = file.descriptions[band - 1]
                 transform, crs = file.transform, file.crs
     except RasterioError as error:
-        raise InputError(f"{path}: not a GeoTIFF, or damaged ({_first_line(error)})") from None
+        raise InputError(f"{path}: not a GeoTIFF, or damaged ({first_line(error)})") from None
     if values.dtype.kind in "biuf":
         values = values.astype(np.float64) * scale + offset
     # Where gaps are refused the error shall name a cell, so they must show as such.
@@ -79,5 +79,6 @@ def _text(crs: object) -> str:
     return f"EPSG:{epsg}" if epsg is not None else crs.to_wkt()  # type: ignore[attr-defined]
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """What an error of a reader says, short enough for a line of ours."""
     return (str(error).splitlines() or [type(error).__name__])[0][:200]

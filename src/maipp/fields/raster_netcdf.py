@@ -8,7 +8,7 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in
-from maipp.fields.raster_geotiff import MOST_CELLS
+from maipp.fields.raster_geotiff import MOST_CELLS, first_line
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
 from maipp.geo import WGS84, Crs, read_crs
 from maipp.geo.crs import load_pyproj
@@ -42,8 +42,7 @@ def read_netcdf(
     except ImportError:  # xarray is there, what reads NetCDF 4 for it is not
         raise InputError(f"{path}: NetCDF 4 needs h5netcdf and h5py; pip install 'maipp[geo]'") from None
     except Exception as error:  # whatever xarray's readers raise on a file that is none or is damaged
-        line = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise InputError(f"{path}: not a NetCDF file, or damaged ({line})") from None
+        raise InputError(f"{path}: not a NetCDF file, or damaged ({first_line(error)})") from None
 
 
 def _read(

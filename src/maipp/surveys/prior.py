@@ -98,26 +98,20 @@ def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float,
     `side` is that of a square as large as the free area, metres.
     """
     kernel, assumed = survey.kernel, []
-    metres, mean, std = kernel.length_scale_m, kernel.mean, kernel.std
+    metres, std, mean = kernel.length_scale_m, kernel.std, kernel.mean
+    if fit is not None:
+        fitted = fit.length_scale, math.sqrt(fit.signal_variance), fit.mean
+        metres, std, mean = (a if b is None else b for a, b in zip(fitted, (metres, std, mean), strict=True))
     if metres is None:
-        if fit is None:
-            metres = _PAPER_LENGTH_SCALE * side
-            assumed.append(f"length scale {metres:.4g} m")
-        else:
-            metres = fit.length_scale
+        metres = _PAPER_LENGTH_SCALE * side
+        assumed.append(f"length scale {metres:.4g} m")
     if std is None:
-        if fit is None:
-            std = abs(survey.threshold) / 2 if survey.threshold else 1.0
-            assumed.append(f"standard deviation {std:.4g} {survey.unit or ''}".rstrip())
-        else:
-            std = math.sqrt(fit.signal_variance)
+        std = abs(survey.threshold) / 2 if survey.threshold else 1.0
+        assumed.append(f"standard deviation {std:.4g} {survey.unit or ''}".rstrip())
     if mean is None:
-        if fit is None:
-            sign = -1.0 if survey.below else 1.0
-            mean = 0.0 if survey.threshold is None else survey.threshold - sign * _PAPER_THRESHOLD * std
-            assumed.append(f"mean {mean:.4g} {survey.unit or ''}".rstrip())
-        else:
-            mean = fit.mean
+        sign = -1.0 if survey.below else 1.0
+        mean = 0.0 if survey.threshold is None else survey.threshold - sign * _PAPER_THRESHOLD * std
+        assumed.append(f"mean {mean:.4g} {survey.unit or ''}".rstrip())
     return float(metres), float(mean), float(std), assumed
 
 
