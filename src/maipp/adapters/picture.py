@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from maipp.engine.episode import Episode
-from maipp.viz.maps import area_outline, draw_field, inside_only, prepare_map
+from maipp.viz.maps import area_outline, draw_field, prepare_map
 from maipp.viz.style import STD_MAP, VALUE_MAP, agent_colour, agent_line, halo
 
 _DPI = 100
@@ -27,10 +27,9 @@ def _paint(figure: Figure, episode: Episode, time: float) -> None:
     figure.clear()
     belief = episode.beliefs(np.array([time]))
     mean_axes, std_axes = figure.subplots(1, 2)
-    surplus = inside_only(belief.bound[0] - episode.scenario.threshold, episode.inside)
     spread = float(np.sqrt(episode.scenario.signal_variance))
     draw_field(mean_axes, episode, belief.mean[0], VALUE_MAP, (0.0, 1.0))
-    area_outline(mean_axes, episode, surplus)
+    area_outline(mean_axes, episode, episode.surplus(belief.bound[0]))
     draw_field(std_axes, episode, np.sqrt(belief.variance[0]), STD_MAP, (0.0, spread))
     titles = (f"Predicted mean, t = {time:.2f}", f"Standard deviation, Tr(P) = {belief.trace[0]:.3g}")
     for axes, title in zip((mean_axes, std_axes), titles, strict=True):

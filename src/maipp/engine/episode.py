@@ -196,6 +196,11 @@ class Episode:
             ]
         )
 
+    def surplus(self, values: Float[np.ndarray, "*k q"]) -> Float[np.ndarray, "*k q"]:
+        """What these values on the grid exceed the threshold by; outside the survey area always just below zero."""
+        over = values - self.scenario.threshold
+        return np.where(self.inside, over, np.minimum(over, -1e-6))
+
     def measurement_instants(self) -> Float[np.ndarray, " t"]:
         """The times at which somebody measured, simultaneous ones once."""
         times = np.sort(np.concatenate([agent.measurement_time for agent in self.agents]))

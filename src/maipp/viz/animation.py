@@ -27,7 +27,6 @@ from maipp.viz.maps import (
     draw_field,
     draw_obstacles,
     draw_prior,
-    inside_only,
     map_size,
     outline_paths,
     prepare_map,
@@ -106,8 +105,7 @@ class Film:
         there = episode.drawn
         belief = episode.beliefs(self.times + _INSTANT)  # what is measured at an instant is known in its frame
         self._means, self._stds = there.to_user_values(belief.mean), there.to_user_std(np.sqrt(belief.variance))
-        surplus = inside_only(belief.bound - episode.scenario.threshold, episode.inside)
-        self._outlines = outline_paths(episode, surplus)
+        self._outlines = outline_paths(episode, episode.surplus(belief.bound))
         self._places = there.to_user(episode.positions(self.times))
 
         width, height = map_size(episode, area=8.0, longest=4.0)
@@ -117,23 +115,10 @@ class Film:
         shown = np.concatenate([there.to_user_values(episode.truth), self._means[-1]])
         threshold = float(there.to_user_values(episode.scenario.threshold))
         self._maps = []
+        value, shown_values = there.value_name, (float(shown.min()), float(shown.max()))
         for left, title, colours, limits, label, mark in (
-            (
-                _LEFT,
-                "Predicted mean, high-interest area",
-                VALUE_MAP,
-                (float(shown.min()), float(shown.max())),
-                there.value_name,
-                threshold,
-            ),
-            (
-                right,
-                "Predicted standard deviation",
-                STD_MAP,
-                (0.0, float(self._stds.max())),
-                f"std of {there.value_name}",
-                None,
-            ),
+            (_LEFT, "Predicted mean, high-interest area", VALUE_MAP, shown_values, value, threshold),
+            (right, "Predicted standard deviation", STD_MAP, (0.0, float(self._stds.max())), f"std of {value}", None),
         ):
             axes = add_axes(backdrop, left, up, width, height)
             image = draw_field(axes, episode, self._means[0], colours, limits)

@@ -14,7 +14,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from maipp.engine.episode import Episode
-from maipp.typing import Bool, Float
+from maipp.typing import Float
 from maipp.viz.style import (
     AREA_COLOUR,
     GREY,
@@ -132,11 +132,6 @@ def _grid_lines(episode: Episode) -> list[Float[np.ndarray, " g"]]:
     """x and y of the grid's columns and rows, file coordinates."""
     low, high = corners(episode)
     return [np.linspace(low[axis], high[axis], episode.scenario.grid) for axis in (0, 1)]
-
-
-def inside_only(surplus: Float[np.ndarray, "*k q"], inside: Bool[np.ndarray, " q"]) -> Float[np.ndarray, "*k q"]:
-    """The surplus with points outside the survey area just below zero, so that no area reaches them."""
-    return np.where(inside, surplus, np.minimum(surplus, -1e-6))
 
 
 def draw_routes(axes: Axes, episode: Episode) -> None:

@@ -14,7 +14,6 @@ from maipp.viz.maps import (
     colour_bar,
     draw_field,
     draw_routes,
-    inside_only,
     legend_below,
     legend_of,
     map_size,
@@ -66,7 +65,7 @@ def draw_overview(episode: Episode, dpi: int = 160) -> Figure:
 
     axes = add_axes(figure, _LEFT, _BOTTOM, width, height)
     prepare_map(axes, episode, "High-interest area")
-    area_outline(axes, episode, inside_only(belief.bound[0] - scenario.threshold, episode.inside), filled=True)
+    area_outline(axes, episode, episode.surplus(belief.bound[0]), filled=True)
     area_outline(axes, episode, episode.truth - scenario.threshold)
     draw_routes(axes, episode)
     axes.legend(

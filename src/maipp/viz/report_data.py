@@ -10,7 +10,6 @@ from matplotlib.colors import to_hex
 
 from maipp.team.told import Told
 from maipp.typing import Float
-from maipp.viz.maps import inside_only
 from maipp.viz.report_frames import Frames, standing
 from maipp.viz.report_grid import MapGrid
 from maipp.viz.report_survey import SurveyReport
@@ -32,7 +31,7 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
     digits = decimals(float((high - low).max()), 6)
     length, time = length_unit(report), time_unit(report)
     truth = grid.pictures(report.geo.to_user_values(episode.truth)[None])[0] if report.truth_known else None
-    surplus = inside_only(episode.truth - episode.scenario.threshold, episode.inside)
+    surplus = grid.pictures(episode.surplus(episode.truth)[None])
     return {
         "axes": _axes(report, low, high),
         "grid": {"x": _spaced(grid.x), "y": _spaced(grid.y), "columns": len(grid.x), "rows": len(grid.y)},
@@ -49,7 +48,7 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
             **{name: _reals(getattr(frames, name)) for name in ("trace", "area", "rmse")},
         },
         "truth": None if truth is None else packed(truth[None]),
-        "true_surplus": None if truth is None else packed(grid.pictures(surplus[None]), signed=True),
+        "true_surplus": None if truth is None else packed(surplus, signed=True),
         "curve": {
             "time": _reals(episode.metrics.curve_time * time.factor),
             "trace": _reals(episode.metrics.curve_trace),

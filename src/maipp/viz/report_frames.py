@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from maipp.engine.found import area_found
 from maipp.engine.observe import time_tolerance
 from maipp.team.told import Told
 from maipp.typing import Float, Int
-from maipp.viz.maps import inside_only
 from maipp.viz.report_grid import MapGrid
 from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_units import nice_step, time_unit
@@ -44,27 +44,23 @@ def frame_times(report: SurveyReport) -> Float[np.ndarray, " k"]:
 def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
     """The frames of a report, with pictures on this grid."""
     episode, scenario = report.episode, report.episode.scenario
-    times = frame_times(report)
-    belief = episode.beliefs(
-        times + time_tolerance(np.asarray(scenario.speeds))
-    )  # what is measured at an instant is known in its frame
-    inside, points = episode.inside, max(int(episode.inside.sum()), 1)
-    true_area = (episode.truth >= scenario.threshold) & inside
+    times, geo = frame_times(report), report.geo
+    instants = times + time_tolerance(np.asarray(scenario.speeds))  # what is measured at an instant is in its frame
+    belief, inside = episode.beliefs(instants), episode.inside
+    traces, points = np.asarray(belief.trace, np.float64), max(int(inside.sum()), 1)
+    area = area_found(episode.truth >= scenario.threshold, belief.area, inside)
     unknown = np.full(len(times), np.nan)
     error = (np.asarray(belief.mean, np.float64) - episode.truth)[:, inside]
-    count = belief.area.sum(axis=1)
     return Frames(
         times=times,
-        mean=grid.pictures(report.geo.to_user_values(belief.mean)),
-        std=grid.pictures(report.geo.to_user_std(np.sqrt(np.maximum(belief.variance, 0.0)))),
-        surplus=grid.pictures(inside_only(belief.bound - scenario.threshold, inside)),
-        trace=np.asarray(belief.trace, np.float64),
-        area=count / points,
-        spread=report.geo.to_user_std(np.sqrt(np.asarray(belief.trace, np.float64) / np.maximum(count, 1))),
-        rmse=report.geo.to_user_std(np.sqrt((error**2).sum(axis=1) / points)) if report.truth_known else unknown,
-        found=(belief.area & true_area).sum(axis=1) / true_area.sum()
-        if report.truth_known and true_area.any()
-        else unknown,
+        mean=grid.pictures(geo.to_user_values(belief.mean)),
+        std=grid.pictures(geo.to_user_std(np.sqrt(np.maximum(belief.variance, 0.0)))),
+        surplus=grid.pictures(episode.surplus(belief.bound)),
+        trace=traces,
+        area=np.asarray(area.predicted),
+        spread=geo.to_user_std(np.sqrt(traces / np.maximum(belief.area.sum(axis=1), 1))),
+        rmse=geo.to_user_std(np.sqrt((error**2).sum(axis=1) / points)) if report.truth_known else unknown,
+        found=np.asarray(area.both / area.true) if report.truth_known and area.true.all() else unknown,
     )
 
 
