@@ -13,7 +13,7 @@ from maipp.engine import draw_missions, reset, run_missions
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import dump_episode
 from maipp.engine.finite import instance_and_trial
-from maipp.engine.found import found_by, score_found
+from maipp.engine.found import found_by
 from maipp.engine.score import interest_of, pooled_belief, score_missions, trace_over_time
 from maipp.engine.state import BY_PLANNER, NOT_FINITE, RECORD_FULL, SPENT, TRAVELLING
 from maipp.errors import InputError
@@ -144,12 +144,6 @@ def test_a_mission_that_is_not_a_number_is_refused_with_its_number(finished, wha
     assert "\n" not in str(told.value)
     with pytest.raises(InputError, match="^instance 2, trial 3: "):
         score_missions(*broken(finished, what), name=instance_and_trial(4, 10))
-
-
-@pytest.mark.parametrize("rule", ["bound", "mean"])
-def test_what_a_belief_that_is_not_a_number_found_is_refused(finished, rule):
-    with pytest.raises(InputError, match="^mission 1: the predicted area is nan"):
-        score_found(*broken(finished, "value"), rule)
 
 
 def test_an_episode_that_is_not_a_number_is_refused_with_its_number(finished):

@@ -3,16 +3,10 @@
 from typing import Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from maipp.engine.episode import Episode
-from maipp.engine.finite import mission_number, refuse_non_finite
-from maipp.engine.mission import Mission
-from maipp.engine.score import interest_of, moments_of, taken_by
-from maipp.engine.state import State
 from maipp.typing import Array, Bool, Float
 
 # What counts as predicted: where the upper confidence bound reaches the threshold (the predicted high-interest area),
@@ -58,32 +52,6 @@ def area_found(
     points = xp.maximum(xp.sum(inside, axis=-1), 1)
     shares = (xp.sum(area, axis=-1) / points for area in (true, predicted, true & predicted))
     return AreaFound(*xp.broadcast_arrays(*shares))
-
-
-def score_found(missions: Mission, states: State, rule: Rule = "bound") -> AreaFound:
-    """What the team's pooled belief has found at the end of each of a batch of missions (leading axis b).
-
-    Raises InputError, with the mission's number, for a belief that is not finite.
-    """
-    found = _score_found(missions, states, rule)
-    refuse_non_finite({"the predicted area": jax.device_get(found.predicted)}, mission_number())
-    return found
-
-
-@eqx.filter_jit
-def _score_found(missions: Mission, states: State, rule: Rule) -> AreaFound:
-    """What was found; the predicted area is NaN where the belief that predicts it is not finite."""
-
-    def one(pair: tuple[Mission, State]) -> AreaFound:
-        mission, state = pair
-        mean, variance = moments_of(mission, state)(taken_by(state))
-        interest = interest_of(mission.problem)
-        predicted = interest.area(mean, variance, mission.inside) if rule == "bound" else mean >= interest.threshold
-        found = area_found(mission.truth >= mission.params.threshold, predicted, mission.inside)
-        finite = jnp.isfinite(jnp.where(mission.inside, mean + variance, 0.0)).all()
-        return eqx.tree_at(lambda f: f.predicted, found, jnp.where(finite, found.predicted, jnp.nan))
-
-    return lax.map(one, (missions, states))
 
 
 def found_by(episode: Episode, times: Float[np.ndarray, " t"] | None = None, rule: Rule = "bound") -> AreaFound:
