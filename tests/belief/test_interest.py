@@ -14,16 +14,15 @@ from maipp.belief import (
     Interest,
     Matern32,
     condition,
-    high_interest_area,
     mutual_information,
     rmse,
     to_rank,
     trace,
 )
-from maipp.belief.interest import upper_confidence_bound
 
 SEEDS = st.integers(0, 2**32 - 1)
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+EVERYWHERE = jnp.asarray(True)
 condition_ = eqx.filter_jit(condition)
 information_ = eqx.filter_jit(mutual_information)
 
@@ -32,18 +31,18 @@ def test_the_two_rules_differ_where_the_deviation_exceeds_the_variance():
     mean = jnp.array([0.0, 0.0, 0.39, 0.41, -0.5, 0.25])
     variance = jnp.array([0.25, 0.16, 0.0, 0.0, 1.0, 0.09])
     #        std: 0.5   0.4   0.39   0.41   0.5    0.55
-    np.testing.assert_array_equal(high_interest_area(mean, variance), [True, True, False, True, True, True])
+    np.testing.assert_array_equal(Interest().area(mean, variance, EVERYWHERE), [True, True, False, True, True, True])
     #   variance: 0.25  0.16  0.39   0.41   0.5    0.34
-    by_variance = high_interest_area(mean, variance, rule="variance")
+    by_variance = Interest(rule="variance").area(mean, variance, EVERYWHERE)
     np.testing.assert_array_equal(by_variance, [False, False, False, True, True, False])
-    wide = high_interest_area(mean, variance, 1.0, 2.0, "std")
+    wide = Interest(1.0, 2.0).area(mean, variance, EVERYWHERE)
     np.testing.assert_array_equal(wide, [True, False, False, False, True, False])
 
 
 @pytest.mark.parametrize("rule", ["Std", "", "sd"])
 def test_a_bad_rule_is_refused(rule):
     with pytest.raises(ValueError, match=f"rule='{rule}'.*'std' or 'variance'"):
-        high_interest_area(jnp.zeros(3), jnp.ones(3), rule=rule)
+        Interest(rule=rule).area(jnp.zeros(3), jnp.ones(3), EVERYWHERE)
     with pytest.raises(ValueError, match="'std' or 'variance'"):
         Interest(rule=rule).trace(jnp.zeros(3), jnp.ones(3), jnp.ones(3, bool))
 
@@ -57,7 +56,7 @@ def test_interest_traces_its_own_area(mean, variance, inside, rule, beta):
     """Leading axes are kept, points outside the survey area never count."""
     interest = Interest(0.4, beta, rule)
     mean, variance = jnp.asarray(mean), jnp.asarray(variance)
-    area = np.asarray(high_interest_area(mean, variance, 0.4, beta, rule)) & inside
+    area = ~(np.asarray(interest.bound(mean, variance)) < 0.4) & inside
     np.testing.assert_array_equal(interest.area(mean, variance, jnp.asarray(inside)), area)
     expected = np.where(area, variance, 0.0).astype(np.float64).sum(axis=1)
     np.testing.assert_allclose(interest.trace(mean, variance, jnp.asarray(inside)), expected, rtol=1e-5, atol=1e-6)
@@ -100,7 +99,7 @@ def test_a_score_that_is_not_a_number_is_never_the_best(scores, index):
 def test_the_expected_trace_without_spread_becomes_the_trace(mean, variance, inside, rule):
     """Away from the border of the area a small blur changes nothing; a large one counts every point half."""
     interest = Interest(0.4, 1.0, rule)
-    bound = np.asarray(upper_confidence_bound(jnp.asarray(mean), jnp.asarray(variance), 1.0, rule))
+    bound = np.asarray(interest.bound(jnp.asarray(mean), jnp.asarray(variance)))
     clear = jnp.asarray(inside & (np.abs(bound - 0.4) > 0.02).all(axis=0))
     mean, variance, known = jnp.asarray(mean), jnp.asarray(variance), jnp.ones(25)
     sharp = interest.expected_trace(mean, variance, known, clear, spread=0.0, blur=1e-3)
@@ -139,8 +138,8 @@ def test_the_expected_trace_has_a_slope_where_nothing_is_unknown():
 
 
 def test_a_variance_rounded_below_zero_does_not_drop_a_point():
-    assert bool(high_interest_area(jnp.array(0.5), jnp.array(-1e-9)))
-    assert float(upper_confidence_bound(jnp.array(0.5), jnp.array(-1e-9), 1.0, "std")) == 0.5
+    assert bool(Interest().area(jnp.array(0.5), jnp.array(-1e-9), EVERYWHERE))
+    assert float(Interest().bound(jnp.array(0.5), jnp.array(-1e-9))) == 0.5
 
 
 def test_rmse_counts_the_survey_area_only():

@@ -12,9 +12,9 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from maipp.belief import (
+    Interest,
     Matern32,
     condition,
-    high_interest_area,
     mutual_information,
     rmse,
     trace,
@@ -54,7 +54,7 @@ def test_float64_matches_the_reference_vectors(vectors, f):
         grid = jnp.asarray(vectors["grid"])
         belief = condition_(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.ones(len(x), bool), grid, 1e-10)
         assert belief.mean.dtype == jnp.float64
-        area = high_interest_area(belief.mean, belief.variance)
+        area = Interest().area(belief.mean, belief.variance, jnp.asarray(True))
         np.testing.assert_allclose(belief.mean, mean, rtol=0, atol=1e-8)
         np.testing.assert_allclose(belief.variance, std**2, rtol=0, atol=1e-8)
         # At a measured point the standard deviation is the root of a difference that cancels, so it gets less.
@@ -77,7 +77,7 @@ def test_float32_with_the_default_nugget_gives_the_reference_trace(vectors, f):
     grid = jnp.asarray(vectors["grid"], jnp.float32)
     belief = condition_(KERNEL, jnp.asarray(x), jnp.asarray(y), jnp.ones(len(x), bool), grid)
     assert belief.mean.dtype == jnp.float32
-    area = high_interest_area(belief.mean, belief.variance)
+    area = Interest().area(belief.mean, belief.variance, jnp.asarray(True))
     assert float(trace(belief.variance, area)) == pytest.approx(float(vectors[f"post{f}_trace_high"]), rel=1e-3)
     np.testing.assert_allclose(belief.mean, mean, atol=1e-3)
     np.testing.assert_allclose(belief.variance, std**2, atol=1e-3)

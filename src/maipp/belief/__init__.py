@@ -1,6 +1,6 @@
 """Gaussian-process belief: kernel, posterior, high-interest area."""
 
-from maipp.belief.interest import Interest, high_interest_area, mutual_information, rmse, to_rank, trace
+from maipp.belief.interest import Interest, mutual_information, rmse, to_rank, trace
 from maipp.belief.kernel import Matern32
 from maipp.belief.posterior import Belief, condition, extend
 from maipp.belief.prior_samples import PriorSamples
@@ -14,7 +14,6 @@ __all__ = [
     "condition",
     "condition_near",
     "extend",
-    "high_interest_area",
     "mutual_information",
     "rmse",
     "to_rank",

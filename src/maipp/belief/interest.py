@@ -8,32 +8,6 @@ from maipp.belief.posterior import Belief
 from maipp.typing import Array, Bool, Float, Real
 
 
-def upper_confidence_bound(
-    mean: Float[Array, "*q"], variance: Float[Array, "*q"], beta: Real, rule: str
-) -> Float[Array, "*q"]:
-    """`mean + beta * std`, or `mean + beta * variance` under the rule the paper's formula writes."""
-    spread = variance if rule == "variance" else jnp.sqrt(jnp.maximum(variance, 0.0))
-    return mean + beta * spread
-
-
-def high_interest_area(
-    mean: Float[Array, "*q"],
-    variance: Float[Array, "*q"],
-    threshold: Real = 0.4,
-    beta: Real = 1.0,
-    rule: str = "std",
-) -> Bool[Array, "*q"]:
-    """True where the upper confidence bound reaches the threshold (paper Sec. III-B).
-
-    `rule="std"` uses `mean + beta * std`, which the paper's numbers fit; `rule="variance"` is the formula as printed.
-    What is not a number is not known to stay below it, and so belongs to the area. Raises ValueError on any other rule.
-    """
-    if rule not in ("std", "variance"):
-        raise ValueError(f"rule={rule!r}: the high-interest rule is 'std' or 'variance'")
-    mean, variance = jnp.asarray(mean), jnp.asarray(variance)
-    return ~(upper_confidence_bound(mean, variance, beta, rule) < threshold)
-
-
 class Interest(eqx.Module):
     """What a survey is after: the rule that says which points are of high interest."""
 
@@ -41,11 +15,23 @@ class Interest(eqx.Module):
     beta: Real = 1.0  # width of the confidence bound
     rule: str = eqx.field(static=True, default="std")  # "std" or "variance"
 
+    def bound(self, mean: Float[Array, "*q"], variance: Float[Array, "*q"]) -> Float[Array, "*q"]:
+        """Upper confidence bound (paper Sec. III-B): `mean + beta * std`, which the paper's numbers fit.
+
+        Under the rule "variance" `mean + beta * variance`, the formula as printed. Raises ValueError on any other rule.
+        """
+        if self.rule not in ("std", "variance"):
+            raise ValueError(f"rule={self.rule!r}: the high-interest rule is 'std' or 'variance'")
+        return mean + self.beta * (variance if self.rule == "variance" else jnp.sqrt(jnp.maximum(variance, 0.0)))
+
     def area(
         self, mean: Float[Array, "*q"], variance: Float[Array, "*q"], inside: Bool[Array, "*i"]
     ) -> Bool[Array, "*q"]:
-        """The predicted high-interest area among the points inside the domain."""
-        return high_interest_area(mean, variance, self.threshold, self.beta, self.rule) & inside
+        """The predicted high-interest area: the points inside the domain whose bound reaches the threshold.
+
+        What is not a number is not known to stay below it, and so belongs to the area.
+        """
+        return ~(self.bound(mean, variance) < self.threshold) & inside
 
     def trace(
         self, mean: Float[Array, "*b q"], variance: Float[Array, "*b q"], inside: Bool[Array, " q"]
@@ -75,7 +61,7 @@ class Interest(eqx.Module):
         it in squares. Without spread it is the exact trace as `blur` -> 0. NaN inside makes NaN.
         """
         # The square root has no slope at a variance of zero; a point that well known weighs nothing.
-        bound = upper_confidence_bound(mean, jnp.maximum(variance, 1e-8), self.beta, self.rule)
+        bound = self.bound(mean, jnp.maximum(variance, 1e-8))
         width = jnp.sqrt(spread**2 * jnp.maximum(known - variance, 0.0) + blur**2)
         return jnp.sum(jnp.where(inside, ndtr((bound - self.threshold) / width) * variance, 0.0), axis=-1)
 

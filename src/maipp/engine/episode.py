@@ -10,7 +10,6 @@ import numpy as np
 from jax import lax
 
 from maipp.belief import PriorSamples, condition, mutual_information
-from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.observe import time_tolerance
@@ -302,9 +301,8 @@ def _grid_beliefs(
             mean, variance = belief.mean, belief.variance
         else:
             mean, variance = process.given(y, mask, scenario.noise)
-        bound = upper_confidence_bound(mean, variance, interest.beta, interest.rule)
-        area = interest.area(mean, variance, inside)
-        return mean, variance, bound, area, interest.trace(mean, variance, inside)
+        area, trace = interest.area(mean, variance, inside), interest.trace(mean, variance, inside)
+        return mean, variance, interest.bound(mean, variance), area, trace
 
     return lax.map(one, masks)
 

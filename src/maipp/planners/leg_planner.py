@@ -7,7 +7,6 @@ from jax import lax
 from jax.scipy.special import ndtr
 
 from maipp.belief import Belief
-from maipp.belief.interest import upper_confidence_bound
 from maipp.engine.decision import Observation, option
 from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
@@ -273,7 +272,7 @@ class LegPlanner(PlanePlanner):
 
     def worth(self, belief: Belief) -> Float[Array, " q"]:
         """How uncertain the grid points are, as far as they may be of high interest."""
-        bound = upper_confidence_bound(belief.mean, belief.variance, self.interest.beta, self.interest.rule)
+        bound = self.interest.bound(belief.mean, belief.variance)
         return belief.variance * ndtr((bound - self.interest.threshold) / _BORDER)
 
     def points_in_play(
