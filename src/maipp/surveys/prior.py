@@ -132,7 +132,8 @@ def _samples(
     if not inside:
         hint = "are its columns swapped, or its coordinates of another kind than the mission's (give samples.crs)?"
         raise InputError(f"{path}: none of its {len(values)} samples lies in the area; {hint}")
-    near = np.asarray(distance <= _reach(place))
+    # From half the longest side of the area on a sample tells nothing of it.
+    near = np.asarray(distance <= place.frame.scale / 2)
     if not near.all():
         warnings.append(f"{path.name}: {int((~near).sum())} of {len(near)} samples lie far from the area; left out")
     return metres[near], values[near]
@@ -141,11 +142,6 @@ def _samples(
 def _system(file: SampleFile, samples: Samples, own: Crs) -> Crs | None:
     """What the file's positions are; None where neither the mission nor the columns' names say."""
     return file.crs or (WGS84 if samples.geographic and not own.geographic else None)
-
-
-def _reach(place: Place) -> float:
-    """How far from the area a sample still tells something of it, metres: half its longest side."""
-    return place.frame.scale / 2
 
 
 def _fit(survey: Survey, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"], mean: float | None) -> Any:

@@ -75,7 +75,7 @@ def words(result: RehearsalResult) -> list[str]:
     """What the rehearsal says, in sentences: the best planner, and what each further robot adds."""
     planners = list(dict.fromkeys(team.planner for team in result.teams))
     largest = max(team.robots for team in result.teams)
-    best = min(planners, key=lambda name: _loss(_team(result, name, largest)))
+    best = min(planners, key=lambda name: float(_team(result, name, largest).trace.mean()))
     sentences = []
     if len(planners) > 1:
         sentences.append(_best_planner(result, planners, best, largest))
@@ -129,10 +129,6 @@ def _best_planner(result: RehearsalResult, planners: list[str], best: str, robot
 
 def _team(result: RehearsalResult, planner: str, robots: int) -> RehearsedTeam:
     return next(team for team in result.teams if (team.planner, team.robots) == (planner, robots))
-
-
-def _loss(team: RehearsedTeam) -> float:
-    return float(team.trace.mean())
 
 
 def _found(before: Float[np.ndarray, " f"], after: Float[np.ndarray, " f"]) -> str:
