@@ -8,8 +8,8 @@ import os
 import numpy as np
 import pytest
 
-from maipp.benchmarks.area_surveys import Surveyor
-from maipp.benchmarks.random_areas import BUDGET, random_area
+from tests.shared.area_surveys import Surveyor
+from tests.shared.random_areas import BUDGET, random_area
 
 AREAS = int(os.environ.get("MAIPP_AREAS", "10"))
 

@@ -8,10 +8,10 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from maipp.benchmarks.random_areas import CORNERS, EDGES, random_area
 from maipp.planners.detour import long_run, waypoints, ways_from
 from maipp.roadmap import Obstacles, zones_of
 from maipp.scenario import Scenario
+from tests.shared.random_areas import CORNERS, EDGES, random_area
 
 ways_ = jax.jit(lambda zones, here: ways_from(zones, here, zones.places, zones.to_place))
 points_ = jax.jit(jax.vmap(waypoints, (None, None, 0)))

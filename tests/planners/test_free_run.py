@@ -8,12 +8,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maipp.benchmarks.random_areas import CORNERS, EDGES, random_area
 from maipp.planners.free_run import cut, free_share
 from maipp.planners.headings import bend, walk_bent
 from maipp.roadmap import Obstacles, zones_of
 from maipp.roadmap.zones import CLEARANCE
 from maipp.scenario import Scenario
+from tests.shared.random_areas import CORNERS, EDGES, random_area
 
 SEEDS = st.integers(0, 199)
 LEGS = 256

@@ -6,9 +6,9 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from maipp.benchmarks.random_areas import random_area
 from maipp.roadmap import Obstacles, build_roadmap, sample_roadmaps
 from maipp.roadmap.bridges import is_joined, joined, with_corners
+from tests.shared.random_areas import random_area
 
 NODES, NEIGHBOURS = 60, 8
 

@@ -5,10 +5,10 @@ import pytest
 import shapely
 from shapely.geometry import LineString, Polygon
 
-from maipp.benchmarks.random_areas import random_area
 from maipp.roadmap import Obstacles, free_space, zones_of
 from maipp.roadmap.zones import CLEARANCE
 from maipp.scenario import Scenario
+from tests.shared.random_areas import random_area
 
 SQUARE = ((0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75))
 HALVES = (

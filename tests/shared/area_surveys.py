@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import shapely
 
-from maipp.benchmarks.random_areas import AGENTS, BUDGET, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
 from maipp.engine import Mission, draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
@@ -18,6 +17,7 @@ from maipp.planners.sweep import clipped_sweep
 from maipp.roadmap import FreeSpace, Obstacles, Roadmap, free_space, laplacian_encoding, sample_roadmaps, zones_of
 from maipp.scenario import Scenario
 from maipp.typing import Float
+from tests.shared.random_areas import AGENTS, BUDGET, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
 
 # An agent whose measurements are this many times in a row within this distance of their middle stays in one place.
 _WINDOW, _PLACE = 5, 0.1
