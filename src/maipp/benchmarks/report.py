@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from maipp.errors import InputError
 from maipp.files import write_atomic
+from maipp.markdown import filled
 
 MOST_BYTES = 3_000_000  # of all raw numbers beside the page: they are kept in the repository
 
-_PLACE = re.compile(r"<!-- ([\w-]+):start -->\n(.*?)<!-- \1:end -->", flags=re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s:#]+)\)")
 
 
@@ -37,26 +37,15 @@ def write_report(page: Path, runs: Sequence[Path]) -> Written:
         raise InputError(f"{page}: cannot be read: {error.strerror or error}; give a page that has places") from None
     beside = page.parent / page.stem
     sections = _sections(runs)
-    places = {match[1] for match in _PLACE.finditer(text)}
     for name, path in sections.items():
-        if name not in places:
-            raise InputError(
-                f"{page}: no place for {path}; add the lines <!-- {name}:start --> and <!-- {name}:end --> to it"
-            )
+        section = _LINK.sub(rf"]({beside.name}/\1)", path.read_text(encoding="utf-8")).strip()
+        text = filled(text, f"<!-- {name}:start -->", f"<!-- {name}:end -->", section, page, path)
     copies = {beside / link: source for path in sections.values() for link, source in _linked(path).items()}
     _check_size(beside, copies)
     for target, source in copies.items():
         target.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(target, source.read_bytes())
-
-    def filled(match: re.Match[str]) -> str:
-        name = match[1]
-        if name not in sections:
-            return match[0]
-        section = _LINK.sub(rf"]({beside.name}/\1)", sections[name].read_text(encoding="utf-8"))
-        return f"<!-- {name}:start -->\n\n{section.strip()}\n\n<!-- {name}:end -->"
-
-    write_atomic(page, _PLACE.sub(filled, text))
+    write_atomic(page, text)
     return Written(tuple(sections), tuple(copies))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from maipp.markdown import typed
 from maipp.planners import planner_names, planner_options, planner_summary
 
 
@@ -26,14 +27,7 @@ def run(flags: Planners) -> int:
         console.print(name, style="bold", end="")
         console.print(f"  {planner_summary(name)}")
         for option in options:
-            default = "" if option.default is dataclasses.MISSING else f" (default {_typed(option.default)})"
+            default = "" if option.default is dataclasses.MISSING else f" (default {typed(option.default)})"
             meaning = f"  {option.meaning}" if option.meaning else ""
             console.print(f"    {option.name}: {option.allowed}{default}{meaning}")
     return 0
-
-
-def _typed(value: object) -> str:
-    """The value as one would type it after `--set`."""
-    if isinstance(value, tuple):
-        return ",".join(map(_typed, value))
-    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
