@@ -1,11 +1,14 @@
 """The reference that beliefs are held against is the posterior, and what fits the capacity has next to no error."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32, condition
-from maipp.benchmarks.belief_error import belief_error, belief_errors, exact_moments
+from maipp.benchmarks.belief_error import belief_error, exact_moments
+from maipp.benchmarks.scaling_report import add_missing
 from maipp.scenario import Scenario
 
 
@@ -29,8 +32,9 @@ def test_beyond_the_capacity_the_error_is_small_but_there():
 
 
 def test_kinds_that_are_done_are_not_measured_again():
-    found = []
-    kinds = {"counts": (100,), "intervals": (0.2,), "length_scales": (0.4, 0.25), "surveys": 1}
-    first = belief_errors(**kinds, report=found.append)
-    assert found == first and [error.length_scale for error in first] == [0.4, 0.25]
-    assert belief_errors(**kinds, done=tuple(first), report=found.append) == first and len(found) == 2
+    measure, kinds = partial(belief_error, surveys=1, seed=0), [(100, 0.2, 0.4), (100, 0.2, 0.25)]
+    found, told = [], []
+    add_missing(found, kinds[1:], measure, told.append)
+    first = found[0]
+    add_missing(found, kinds, measure, told.append)
+    assert [error.point for error in found] == kinds[::-1] and found[0] is first and told == found

@@ -97,4 +97,5 @@ def test_the_same_seed_writes_the_same_files(tmp_path, monkeypatch, sampled):
     assert page.count("- TI: ") == 3 and "| `sga-rrt-0.9` |" in page
     rows = list(csv.DictReader(io.StringIO(gzip.decompress((tmp_path / "a/run/curves.csv.gz").read_bytes()).decode())))
     assert len(rows) == 3 * 6 and rows[0]["trace"] == "64.0"
+    assert rows[1]["trace"] == f"{np.float32(rows[1]['trace'])}"  # every digit of the float32
     assert len(told) == 2 * (2 + 1 + 9)

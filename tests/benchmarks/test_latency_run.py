@@ -5,8 +5,7 @@ import os
 
 import pytest
 
-from maipp.benchmarks.latency_files import LatencyPlan, command, write_latency
-from maipp.benchmarks.latency_run import Latency, latency_table, one_core
+from maipp.benchmarks.latency_run import Latency, LatencyPlan, command, latency_table, one_core, write_latency
 from maipp.benchmarks.table_rows import Row
 from maipp.scenario import Scenario
 

@@ -13,16 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations
-from maipp.benchmarks.planner_table import (
-    END,
-    START,
-    PlannerTable,
-    main,
-    mean_and_error,
-    planner_table,
-    read_results,
-    with_table,
-)
+from maipp.benchmarks.page import mean_and_error
+from maipp.benchmarks.planner_table import END, START, PlannerTable, main, planner_table, read_results
 from maipp.cli.evaluate import Evaluate, _rows
 from maipp.errors import InputError
 from maipp.scenario import Scenario
@@ -122,7 +114,6 @@ def test_the_page_is_changed_between_its_marks_alone(file, tmp_path, capsys):
     assert text.startswith(f"before\n{START}\n\nTr(P), 2 agents") and text.endswith(f"```\n\n{END}\nafter\n")
     assert "results.json --metric trace rmse --page page.md" in text
     assert "RMSE, 2 agents" in text and "old" not in text
-    assert with_table(text, "x") == f"before\n{START}\n\nx\n\n{END}\nafter\n"
 
 
 @pytest.mark.parametrize(
@@ -142,11 +133,13 @@ def test_files_that_are_no_results_are_told_in_one_line(content, problem, tmp_pa
     assert problem in captured and captured.count("\n") == 1
 
 
-def test_unknown_metrics_and_pages_without_marks_are_told(file):
+def test_unknown_metrics_and_pages_without_marks_are_told(file, tmp_path, capsys):
     with pytest.raises(InputError, match="one of trace, own_trace, true_trace, rmse"):
         planner_table(read_results([file]), ["speed"])
-    with pytest.raises(InputError, match="put them where the table should be"):
-        with_table("no marks", "table")
+    (tmp_path / "page.md").write_text("no marks", encoding="utf-8")
+    assert main(PlannerTable((file,), page=tmp_path / "page.md")) == 2
+    assert "no place for the table; add the lines <!-- table:start -->" in capsys.readouterr().err
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == "no marks"
 
 
 def test_a_result_without_a_finite_number_is_told(file, tmp_path):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from maipp.benchmarks.evaluate import summarise
-from maipp.benchmarks.planner_table import mean_and_error
+from maipp.benchmarks.page import mean_and_error
 from maipp.benchmarks.prior_worlds import PriorCell, prior_missions
-from maipp.benchmarks.standardised import Standardised, fill, initial_trace, main, places, table
+from maipp.benchmarks.standardised import Standardised, cells, fill, initial_trace, main, read, table
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
@@ -26,19 +26,19 @@ def flags(out, **changes):
 
 def test_the_files_hold_every_cell_and_are_made_once(tmp_path, capsys):
     assert main(flags(tmp_path), TINY) == 0
-    every = list(places(flags(tmp_path), TINY))
-    assert len(every) == 4 and all(place.cell.scenario.extent == (1.0, 0.5) for place in every)
+    every = list(cells(flags(tmp_path), TINY))
+    assert len(every) == 4 and all(cell.scenario.extent == (1.0, 0.5) for cell in every)
     page = (tmp_path / "standardised.md").read_text()
     rows = list(csv.DictReader((tmp_path / "standardised.csv").open()))
     assert len(rows) == 4 * 3
-    for place in every:
-        result = place.cell.load(tmp_path)
+    for cell in every:
+        result = cell.load(tmp_path)
         assert result is not None
         summary = summarise(result.values["trace"])
         assert 0 < summary.mean < 64
         assert f"{mean_and_error(summary.mean, summary.se)} ({summary.mean / 64:.2%})" in page
-        here = [row for row in rows if row["length_scale"] == f"{place.length_scale:g}"]
-        here = [float(row["trace"]) for row in here if row["budget"] == f"{place.budget:g}"]
+        here = [row for row in rows if row["length_scale"] == f"{cell.scenario.length_scale:g}"]
+        here = [float(row["trace"]) for row in here if row["budget"] == f"{cell.budget:g}"]
         np.testing.assert_allclose(here, result.values["trace"][:, 0], rtol=1e-5)
     told = capsys.readouterr().err
     assert "4/4" in told
@@ -47,8 +47,9 @@ def test_the_files_hold_every_cell_and_are_made_once(tmp_path, capsys):
     assert "1/4" not in capsys.readouterr().err
     assert sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "cells").iterdir()) == before
     # What is not there yet stays empty.
-    more = list(places(flags(tmp_path, planners=("random", "greedy")), TINY))
-    assert "| `random` | `greedy` |" in table(more, tmp_path) and "|  |" in table(more, tmp_path)
+    more = list(cells(flags(tmp_path, planners=("random", "greedy")), TINY))
+    fill(more[:3], tmp_path, print)
+    assert "| `random` | `greedy` |" in table(read(more, tmp_path)) and "|  |" in table(read(more, tmp_path))
 
 
 def test_worlds_are_draws_of_the_prior_and_the_same_for_all():
@@ -74,7 +75,7 @@ def test_initial_trace_is_the_prior_s():
 
 
 def test_cells_differ_by_their_worlds(tmp_path):
-    prior, mixture = (next(places(flags(tmp_path, worlds=worlds), TINY)).cell for worlds in ("prior", "mixture"))
+    prior, mixture = (next(cells(flags(tmp_path, worlds=worlds), TINY)) for worlds in ("prior", "mixture"))
     assert isinstance(prior, PriorCell) and not isinstance(mixture, PriorCell) and prior.file != mixture.file
 
 
@@ -90,15 +91,14 @@ def test_cells_differ_by_their_worlds(tmp_path):
 )
 def test_bad_flags_give_one_line(change, problem, tmp_path, capsys):
     with pytest.raises(InputError, match=problem):
-        list(places(flags(tmp_path, **change), TINY))
+        list(cells(flags(tmp_path, **change), TINY))
     assert main(flags(tmp_path, **change), TINY) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_an_empty_folder_has_no_table(tmp_path):
-    every = list(places(flags(tmp_path), TINY))
     with pytest.raises(InputError, match="holds no cell"):
-        table(every, tmp_path)
+        read(list(cells(flags(tmp_path), TINY)), tmp_path)
     fill([], tmp_path, print)
     assert not list(tmp_path.iterdir())

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from maipp.benchmarks.cells import CellResult
-from maipp.benchmarks.table_csv import compressed, table_csv
+from maipp.benchmarks.output import compressed
 from maipp.benchmarks.table_figure import draw_table
+from maipp.benchmarks.table_files import table_csv
 from maipp.benchmarks.table_page import table_page
 from maipp.benchmarks.table_run import Line, Sample
 from maipp.benchmarks.tables import TABLES

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.benchmarks import table_worker, table_workers
+from maipp.benchmarks import table_workers
 from maipp.benchmarks.cells import CELLS
 from maipp.benchmarks.table_rows import Row
 from maipp.benchmarks.table_run import Sample, cells, fill
@@ -128,7 +128,7 @@ def test_workers_have_cores_of_their_own_but_not_of_a_quota(every, monkeypatch, 
 
 
 def _tells_its_core(channel, folder, core):
-    channel.send(table_worker.Failed(f"core {core}", by_input=True))
+    channel.send(InputError(f"core {core}"))
     channel.recv_bytes()
 
 

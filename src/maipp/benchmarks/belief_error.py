@@ -1,7 +1,6 @@
 """What a belief of limited capacity gets wrong: against the exact posterior of the same survey in float64."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -37,6 +36,11 @@ class BeliefError(NamedTuple):
     error_worst: float  # the largest of them in size, with its sign
     mean_worst: float  # largest error of the mean at any grid point of any survey, normalised field units
     variance_worst: float  # the same of the variance, its square
+
+    @property
+    def point(self) -> tuple[int, float, float]:
+        """What was measured: surveys with these measurements, interval and length scale."""
+        return self[:3]
 
 
 def exact_moments(
@@ -113,31 +117,3 @@ def belief_error(
         mean_worst=of_mean,
         variance_worst=of_variance,
     )
-
-
-def belief_errors(
-    *,
-    counts: tuple[int, ...] = COUNTS,
-    intervals: tuple[float, ...] = INTERVALS,
-    length_scales: tuple[float, ...] = LENGTH_SCALES,
-    surveys: int = 5,
-    seed: int = 0,
-    capacity: int | None = None,
-    done: tuple[BeliefError, ...] = (),
-    report: Callable[[BeliefError], None] = lambda error: None,
-) -> list[BeliefError]:
-    """Errors for every number of measurements, interval and length scale.
-
-    Kinds of which `done` has the errors are not measured again; `report` is called with every new one as it comes.
-    """
-    found = list(done)
-    measured = {(error.measurements, error.interval, error.length_scale) for error in done}
-    for count in counts:
-        for interval in intervals:
-            for length_scale in length_scales:
-                if (count, interval, length_scale) in measured:
-                    continue
-                error = belief_error(count, interval, length_scale, surveys=surveys, seed=seed, capacity=capacity)
-                found.append(error)
-                report(error)
-    return found

@@ -7,6 +7,7 @@ import os
 import statistics
 import sys
 import timeit
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -16,16 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.benchmarks.baseline import (
-    BASELINE,
-    Compared,
-    Hot,
-    compare,
-    kernel_seconds,
-    load_baseline,
-    save_baseline,
-    slower,
-)
+from maipp.benchmarks.baseline import BASELINE, Hot, compare, kernel_seconds, load_baseline, save_baseline, slower
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
@@ -81,6 +73,12 @@ class Timing(NamedTuple):
     batch_decision_us: float  # per decision, all missions of the batch together
     batch_episode_ms: float  # per mission of the batch
 
+    @property
+    def hot_paths(self) -> dict[str, float]:
+        """What is compared with the baseline, seconds."""
+        alone, batched = self.decision_ms / 1e3, self.batch_decision_us / 1e6
+        return {"decision": alone, "episode": self.episode_ms / 1e3, "batched decision": batched}
+
 
 def pin_to_one_core() -> None:
     """Keep this process on the first core it may use, where the system can: numbers of different machines compare."""
@@ -93,16 +91,10 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     import jax
 
     from maipp.benchmarks.latency import decision_time
-    from maipp.engine import draw_missions, run_missions
-    from maipp.planners import make_planner
+    from maipp.benchmarks.table_rows import Row
+    from maipp.engine import run_missions
 
-    planner = make_planner(name, scenario)
-    batch = draw_missions(
-        scenario,
-        seed=0,
-        instances=missions,
-        planner=planner,
-    )
+    planner, batch = Row(name, name).drawn(scenario, instances=missions, seed=0)
     single = jax.tree.map(lambda array: array[:1], batch)
     key = jax.random.key(0)
 
@@ -145,13 +137,21 @@ def main(bench: Bench) -> int:
         console.print(f"timed {name}", style="dim")
         # The kernel before and after: a machine that grows busy meanwhile slows both.
         previous, kernel_s = kernel_s, kernel_seconds()
-        hot += _hot_paths(timing, (previous + kernel_s) / 2)
-    console.print(_table(timings, missions), width=None if console.is_terminal else 100)
+        hot += [Hot(name, path, seconds, (previous + kernel_s) / 2) for path, seconds in timing.hot_paths.items()]
+    headings = ("planner", "decision ms", "p95 ms", "episode ms", "batched decision us", "batched episode ms")
+    lines = [[timing.planner, *(f"{value:,.2f}" for value in timing[1:])] for timing in timings]
+    whole = _table(f"medians; batch of {missions} missions", headings, lines)
+    console.print(whole, width=None if console.is_terminal else 100)
     for timing in timings:
         if timing.planner == "sga-rrt":
             console.print(_against_public(timing))
     rows = compare(hot, before)
-    console.print(_comparison(rows))
+    title = "times as multiples of a fixed kernel; change: to the baseline"
+    lines = []
+    for row in rows:
+        known = ("-", "-") if row.before is None else (f"{row.before:.3g}", f"{row.change:.2f}")
+        lines.append([row.planner, row.path, f"{row.multiple:.3g}", *known])
+    console.print(_table(title, ("planner", "path", "multiple", "baseline", "change"), lines, left=2))
     if bench.update:
         save_baseline(hot, bench.baseline)
         console.print(f"wrote {bench.baseline}")
@@ -159,28 +159,6 @@ def main(bench: Bench) -> int:
     for row in grown:
         console.print(f"slower: {row.planner}, {row.path}: {row.change:.2f} times the baseline")
     return int(bench.strict and bool(grown))
-
-
-def _hot_paths(timing: Timing, kernel_s: float) -> list[Hot]:
-    """What is compared of one planner's times."""
-    seconds = {
-        "decision": timing.decision_ms / 1e3,
-        "episode": timing.episode_ms / 1e3,
-        "batched decision": timing.batch_decision_us / 1e6,
-    }
-    return [Hot(timing.planner, path, time, kernel_s) for path, time in seconds.items()]
-
-
-def _comparison(rows: list[Compared]) -> Table:
-    table = Table(title="times as multiples of a fixed kernel; change: to the baseline", box=box.SIMPLE_HEAD)
-    for heading in ("planner", "path"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("multiple", "baseline", "change"):
-        table.add_column(heading, justify="right")
-    for row in rows:
-        known = ("-", "-") if row.before is None else (f"{row.before:.3g}", f"{row.change:.2f}")
-        table.add_row(row.planner, row.path, f"{row.multiple:.3g}", *known)
-    return table
 
 
 def _against_public(timing: Timing) -> str:
@@ -197,13 +175,13 @@ def _against_public(timing: Timing) -> str:
     )
 
 
-def _table(timings: list[Timing], missions: int) -> Table:
-    table = Table(title=f"medians; batch of {missions} missions", box=box.SIMPLE_HEAD)
-    table.add_column("planner", no_wrap=True)
-    for heading in ("decision ms", "p95 ms", "episode ms", "batched decision us", "batched episode ms"):
-        table.add_column(heading, justify="right")
-    for timing in timings:
-        table.add_row(timing.planner, *(f"{value:,.2f}" for value in timing[1:]))
+def _table(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]], left: int = 1) -> Table:
+    """A table whose first `left` columns are words, the others numbers."""
+    table = Table(title=title, box=box.SIMPLE_HEAD)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, no_wrap=number < left, justify="left" if number < left else "right")
+    for line in lines:
+        table.add_row(*line)
     return table
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from maipp.benchmarks.evaluate import Evaluation, Progress, evaluate, refuse_values
+from maipp.benchmarks.evaluate import Progress, evaluate, refuse_values
 from maipp.benchmarks.fingerprint import planner_fingerprint
+from maipp.benchmarks.output import make_folder
 from maipp.benchmarks.table_rows import Row
-from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.problem import Shape
@@ -32,6 +32,11 @@ class CellResult:
     wall_s: float
     machine: Mapping[str, Any]
     versions: Mapping[str, str]
+
+    def missions(self, metrics: Sequence[str]) -> Iterator[tuple[tuple[int, ...], list[Any]]]:
+        """Instance and trial of each mission, and what these metrics of it came to."""
+        columns = [self.values[metric] for metric in metrics]
+        return ((index, [column[index] for column in columns]) for index in np.ndindex(columns[0].shape))
 
 
 @dataclass(frozen=True)
@@ -102,7 +107,7 @@ class Cell:
             shape=self.shape,
             progress=progress,
         )
-        return _result(result)
+        return CellResult(result.values, result.wall_s, result.machine, result.versions)
 
     def fill(self, folder: Path, progress: Progress | None = None) -> None:
         """Run the missions and keep what they come to, unless another process or machine has done so by now."""
@@ -115,10 +120,7 @@ class Cell:
         Raises `InputError` where it cannot be written, and for a value that is not a finite number.
         """
         refuse_values(result.values)
-        try:
-            (folder / CELLS).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{folder / CELLS}: cannot be made: {error.strerror or error}") from error
+        make_folder(folder / CELLS)
         document = {
             "format": _FORMAT,
             "made_by": self.made_by,
@@ -128,7 +130,3 @@ class Cell:
             "values": {metric: values.tolist() for metric, values in result.values.items()},
         }
         write_atomic(folder / CELLS / self.file, json.dumps(document, allow_nan=False) + "\n")
-
-
-def _result(evaluation: Evaluation) -> CellResult:
-    return CellResult(evaluation.values, evaluation.wall_s, evaluation.machine, evaluation.versions)

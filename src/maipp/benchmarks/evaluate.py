@@ -132,7 +132,7 @@ def evaluate(
     are up to rounding, missions with budgets below the largest take somewhat longer.
     Raises `InputError` for an unknown planner, a bad option, a seed out of range, or a count below one.
     """
-    _check_counts(instances=instances, trials=trials)
+    check_counts(instances=instances, trials=trials)
     check_seed(seed)
     begun = time.perf_counter()
     if field is None and scenario.field is not None:
@@ -141,12 +141,6 @@ def evaluate(
         scenario = scenario.replace(extent=field.domain)
     planner = make_planner(planner_name, scenario, options)
     missions = _draw(scenario, field, seed, instances, trials, planner, shape)
-    key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-    metrics = _run_in_parts(planner, missions, key, trials, progress)
-    values = {
-        each.name: np.asarray(getattr(metrics, each.name), np.float64).reshape(instances, trials)
-        for each in dataclasses.fields(Metrics)
-    }
     return Evaluation(
         scenario=scenario,
         planner=planner_name,
@@ -154,13 +148,18 @@ def evaluate(
         instances=instances,
         trials=trials,
         seed=seed,
-        values=values,
+        values=scored(planner, missions, seed, trials, progress),
         message_bytes=message_bytes(planner),
-        decision_ms=decision_time(planner, missions, key) if timing else None,
+        decision_ms=decision_time(planner, missions, planner_key(seed)) if timing else None,
         wall_s=time.perf_counter() - begun,
         machine=machine(),
         versions=versions(),
     )
+
+
+def planner_key(seed: int) -> Key:
+    """The key of the planner's randomness: none that an instance has."""
+    return jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
 
 
 def message_bytes(planner: Planner) -> int:
@@ -183,23 +182,30 @@ def to_json(evaluations: Sequence[Evaluation]) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def _run_in_parts(planner: Planner, missions: Mission, key: Key, trials: int, progress: Progress | None) -> Metrics:
-    """Metrics of all missions, run in parts of equal shape so that each function is compiled once."""
-    count = missions.start.shape[0]
+def scored(
+    planner: Planner, missions: Mission, seed: int, trials: int, progress: Progress | None = None
+) -> dict[str, Float[np.ndarray, "instances trials"]]:
+    """Every metric of all missions, `trials` to an instance.
+
+    They are run in parts of equal shape, so that each function is compiled once.
+    """
+    key, count = planner_key(seed), missions.start.shape[0]
     block = lanes_at_most(planner) * len(missions_devices())
     blocks = math.ceil(count / block)
     size = min(count, block * math.ceil(blocks / math.ceil(blocks / _BLOCKS_PER_PART)))
-    scored: list[Metrics] = []
+    parts: list[Metrics] = []
     for first in range(0, count, size):
         index = np.minimum(np.arange(first, first + size), count - 1)
         part = jax.tree.map(lambda array, index=index: array[index], missions)
         states = run_missions(planner, part, key, first=first)
         done = min(first + size, count)
         metrics = jax.device_get(score_missions(part, states, name=instance_and_trial(trials, first)))
-        scored.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))
+        parts.append(jax.tree.map(lambda array, last=done - first: array[:last], metrics))
         if progress is not None:
             progress(done, count)
-    return jax.tree.map(lambda *rows: np.concatenate(rows), *scored)
+    whole = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
+    names = (field.name for field in dataclasses.fields(Metrics))
+    return {name: np.asarray(getattr(whole, name), np.float64).reshape(-1, trials) for name in names}
 
 
 def _draw(
@@ -212,20 +218,12 @@ def _draw(
     shape: Shape | None,
 ) -> Mission:
     """The missions of an evaluation; those of scenarios that share their worlds are drawn once."""
-    roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
+    drawn: dict[str, Any] = {"roadmaps": planner.uses_roadmap, "encodings": planner.encoding_dimensions}
+    drawn |= {"seed": seed, "instances": instances, "trials": trials}
     if field is not None:  # its file may change between two evaluations
-        return draw_missions(
-            scenario,
-            seed=seed,
-            instances=instances,
-            trials=trials,
-            roadmaps=roadmaps,
-            encodings=encodings,
-            field=field,
-            shape=shape,
-        )
+        return draw_missions(scenario, **drawn, field=field, shape=shape)
     worlds = Scenario.from_dict({name: value for name, value in scenario.to_dict().items() if name in _OF_WORLDS})
-    missions = _draw_once(worlds, seed, instances, trials, roadmaps, encodings)
+    missions = _draw_once(worlds, **drawn)
     params = jax.tree.map(
         lambda number, like: jnp.broadcast_to(number, like.shape), params_of(scenario), missions.params
     )
@@ -240,16 +238,15 @@ _OF_WORLDS = (
 
 
 @lru_cache(maxsize=9)  # without roadmaps, with them, and with their encodings, each for three numbers of trials
-def _draw_once(scenario: Scenario, seed: int, instances: int, trials: int, roadmaps: bool, encodings: int) -> Mission:
-    return draw_missions(
-        scenario, seed=seed, instances=instances, trials=trials, roadmaps=roadmaps, encodings=encodings
-    )
+def _draw_once(scenario: Scenario, **drawn: Any) -> Mission:
+    return draw_missions(scenario, **drawn)
 
 
-def _check_counts(**counts: int) -> None:
+def check_counts(flag: str = "", **counts: int) -> None:
+    """Raise InputError for a count below 1; `flag` goes before its name, such as `--`."""
     for name, count in counts.items():
         if count < 1:
-            raise InputError(f"{name}: {count} is not a number of {name}; give a whole number >= 1")
+            raise InputError(f"{flag}{name}: {count} is not a number of {name}; give a whole number >= 1")
 
 
 def _plain(value: Any) -> Any:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from maipp.benchmarks.drawing import log_scale, put_title
 from maipp.benchmarks.evaluate import summarise
 from maipp.benchmarks.sampled_paths import SampledPaths
 from maipp.benchmarks.stability import KINDS, Stability
@@ -16,7 +16,6 @@ from maipp.typing import Float
 from maipp.viz.style import (
     AGENT_COLOURS,
     GREY,
-    LARGE,
     MEDIUM,
     SMALL,
     add_axes,
@@ -41,11 +40,12 @@ def draw_curves(curves: Sequence[Curve], title: str) -> Figure:
         if len(curve.trace) > 1:
             error = curve.trace.std(axis=0, ddof=1) / np.sqrt(len(curve.trace))
             axes.fill_between(curve.distance, mean - error, mean + error, color=look["color"], alpha=0.2, lw=0)
-    _log_y(axes)
+    log_scale(axes, "y")
+    axes.grid(axis="y", which="major", linewidth=0.3, alpha=0.5)
     axes.set_xlabel("distance travelled by each agent", fontsize=MEDIUM)
     axes.set_ylabel("Tr(P)", fontsize=MEDIUM)
     axes.legend(fontsize=SMALL, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
-    _title(figure, title)
+    put_title(figure, title, _LEFT, 0.12)
     return figure
 
 
@@ -60,11 +60,12 @@ def draw_stability(found: Sequence[Stability], title: str) -> Figure:
             means, errors = [s.mean for s in summaries], [s.se or 0.0 for s in summaries]
             lengths = [one.length for one in rows]
             axes.errorbar(lengths, means, yerr=errors, color=colour, fmt="o-", ms=3.5, lw=1.0, label=kind)
-        _log_y(axes)
+        log_scale(axes, "y")
+        axes.grid(axis="y", which="major", linewidth=0.3, alpha=0.5)
         axes.set_xlabel("nodes of a path (SGA+RRT: measurements)", fontsize=MEDIUM)
         axes.set_ylabel(label, fontsize=MEDIUM)
     figure.axes[0].legend(fontsize=SMALL, frameon=False)
-    _title(figure, title)
+    put_title(figure, title, _LEFT, 0.12)
     return figure
 
 
@@ -92,23 +93,10 @@ def draw_intents(sampled: SampledPaths, extent: tuple[float, float]) -> Figure:
         axes.set_title(name, fontsize=MEDIUM, loc="left", pad=4)
         axes.tick_params(labelleft=number == 0)
     count, steps = sampled.taken.shape
-    _title(figure, f"{count} paths of {steps} nodes from one decision")
+    put_title(figure, f"{count} paths of {steps} nodes from one decision", _LEFT, 0.12)
     return figure
 
 
 def _density(intent: Intent, x: Float[np.ndarray, " f"], y: Float[np.ndarray, " f"]) -> Float[np.ndarray, "f f"]:
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(intent.mean.dtype)
     return np.asarray(intent_density(Intent(*map(jnp.asarray, intent)), jnp.asarray(points))).reshape(len(y), len(x))
-
-
-def _log_y(axes: Axes) -> None:
-    axes.set_yscale("log")
-    for axis_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        axis_format(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "125" else "")
-    axes.tick_params(which="both", labelsize=SMALL)
-    axes.grid(axis="y", which="major", linewidth=0.3, alpha=0.5)
-
-
-def _title(figure: Figure, title: str) -> None:
-    width, height = figure.get_size_inches()
-    figure.text(_LEFT / width, 1 - 0.12 / height, title, fontsize=LARGE, weight="bold", va="top")

@@ -1,27 +1,26 @@
 """The files of `maipp benchmark figures`: pictures, numbers, and what these say of the paper's claims."""
 
-import shlex
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jax
-from matplotlib.figure import Figure
 
+from maipp.benchmarks import page
+from maipp.benchmarks.drawing import save_figure
 from maipp.benchmarks.figure_drawings import draw_curves, draw_intents, draw_stability
-from maipp.benchmarks.machine import machine, made_on, versions, wall_time
+from maipp.benchmarks.machine import machine, versions
+from maipp.benchmarks.output import compressed, make_folder
 from maipp.benchmarks.sampled_paths import sampled_paths
 from maipp.benchmarks.stability import KINDS, Stability, measure, stability_table, verdicts
-from maipp.benchmarks.table_csv import compressed
 from maipp.benchmarks.table_rows import JOINT, Row
 from maipp.benchmarks.tables import TABLES
 from maipp.benchmarks.trace_curves import curves_csv, trace_curve
-from maipp.engine import draw_missions, run_missions
+from maipp.engine import run_missions
 from maipp.engine.episode import Episode
-from maipp.errors import InputError
-from maipp.files import atomic_path, write_atomic
-from maipp.planners import make_planner
+from maipp.files import write_atomic
 from maipp.scenario import Scenario
 from maipp.viz import save_overview
 
@@ -50,40 +49,31 @@ def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list
     Raises `InputError` where a file cannot be written.
     """
     begun = time.perf_counter()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
+    make_folder(folder)
     told("one survey")
     save_overview(_survey(plan), folder / SURVEY)
     told("one decision's intents")
     sampled = sampled_paths(plan.scenario, paths=8, steps=5, decision=_DECISION, seed=plan.seed)
-    _save(draw_intents(sampled, plan.scenario.extent), folder / INTENTS)
+    save_figure(draw_intents(sampled, plan.scenario.extent), folder / INTENTS)
     curves = []
     for row in plan.rows:
         told(f"curve of {row.name}")
         curves.append(trace_curve(row, plan.scenario, instances=plan.instances, seed=plan.seed))
     words = _words(plan)
-    _save(draw_curves(curves, words), folder / CURVES)
+    save_figure(draw_curves(curves, words), folder / CURVES)
     write_atomic(folder / CURVES_CSV, compressed(curves_csv(curves)))
     found = []
     for kind, lengths in KINDS.items():
         for length in lengths:
             told(f"stability of {kind}, {length}")
             found.append(measure(kind, length, plan.scenario, instances=plan.instances, seed=plan.seed))
-    _save(draw_stability(found, words), folder / STABILITY)
+    save_figure(draw_stability(found, words), folder / STABILITY)
     write_atomic(folder / PAGE, figures_page(plan, found, out=folder.name, seconds=time.perf_counter() - begun))
     return [folder / name for name in (SURVEY, INTENTS, CURVES, CURVES_CSV, STABILITY, PAGE)]
 
 
 def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: float) -> str:
     """The page: pictures, the table of stability, the paper's claims, and the command."""
-    words = ["maipp", "benchmark", "figures", "--out", out]
-    usual = Plan()
-    words += ["--instances", str(plan.instances)] if plan.instances != usual.instances else []
-    words += ["--seed", str(plan.seed)] if plan.seed != usual.seed else []
-    words += ["--budget", f"{plan.scenario.budget:g}"] if plan.scenario.budget != usual.scenario.budget else []
-    words += ["--planners", *(row.name for row in plan.rows)] if len(plan.rows) < len(usual.rows) else []
     blocks = [
         f"![One survey]({SURVEY})",
         f"*One survey by `{_SURVEYED}` (the four maps of the paper's Fig. 1).*",
@@ -101,11 +91,16 @@ def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: f
         "The paper's claims, each confirmed or denied only where all the differences that it rests on are beyond "
         "chance (Wilcoxon's signed-rank test on the same instances, two-sided, 0.05):",
         verdicts(found),
-        f"```sh\n{shlex.join(words)}\n```",
-        f"Made on {made_on(machine(), versions())}.",
-        wall_time(seconds, "the figures"),
+        page.code(page.command(["maipp", "benchmark", "figures", "--out", out], _flags(plan), _flags(Plan()))),
+        f"Made on {page.made_on((machine(), versions()))}.",
+        page.wall_time(seconds, "the figures"),
     ]
     return "\n\n".join(blocks) + "\n"
+
+
+def _flags(plan: Plan) -> dict[str, Any]:
+    names = [row.name for row in plan.rows]
+    return {"instances": plan.instances, "seed": plan.seed, "budget": plan.scenario.budget, "planners": names}
 
 
 def _words(plan: Plan) -> str:
@@ -114,12 +109,6 @@ def _words(plan: Plan) -> str:
 
 
 def _survey(plan: Plan) -> Episode:
-    planner = make_planner(_SURVEYED, plan.scenario)
-    missions = draw_missions(plan.scenario, seed=plan.seed, instances=1, planner=planner)
+    planner, missions = Row(_SURVEYED, _SURVEYED).drawn(plan.scenario, instances=1, seed=plan.seed)
     states = run_missions(planner, missions, jax.random.key(plan.seed))
     return Episode.from_state(plan.scenario, _SURVEYED, {}, plan.seed, missions, states)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary)

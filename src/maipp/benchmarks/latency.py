@@ -1,7 +1,7 @@
 """How long one decision takes: missions stepped from the host, one at a time, compilation excluded."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from maipp.engine import Mission, Planner, reset
+from maipp.engine import Mission, Planner, State, reset
 from maipp.engine.advance import advance
 from maipp.engine.rollout import due_decision
 from maipp.typing import Float, Key
@@ -23,7 +23,7 @@ class DecisionTime(NamedTuple):
     decisions: int  # decisions timed
 
 
-def event_halves(planner: Planner) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def event_halves(planner: Planner) -> tuple[partial[Any], partial[Any]]:
     """One event in two compiled halves: what the due agent computes, and what the engine does with it.
 
     The first takes mission, state and key, the second mission and what the first gave. Planners of one kind with the
@@ -51,46 +51,51 @@ def _proceed(static: Any, arrays: list[Any], *inputs: Any) -> Any:
     return advance(_joined(static, arrays), *inputs)
 
 
-def first_decision_seconds(
+def compiled_anew(half: partial[Any], *inputs: Any) -> tuple[Any, Callable[..., Any]]:
+    """A half compiled for such inputs, whatever has been compiled before: the program, and the half that runs it."""
+    static, arrays = half.args
+    program = jax.jit(partial(half.func.__wrapped__, static)).lower(arrays, *inputs).compile()
+    return program, partial(program, arrays)
+
+
+def timed_decisions(
+    halves: tuple[Callable[..., Any], Callable[..., Any]],
+    mission: Mission,
+    state: State,
+    key: Key,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Iterator[float]:
+    """Seconds of each decision of a mission from a state on, from observing to the waypoints."""
+    decide, proceed = halves
+    while bool(state.active.any()) and not bool(state.full.any()):
+        jax.block_until_ready(state)
+        begun = clock()
+        decided = jax.block_until_ready(decide(mission, state, key))
+        yield clock() - begun
+        state = proceed(mission, *decided)
+
+
+def decision_seconds(
     planner: Planner, missions: Mission, key: Key, *, least: int = 50
 ) -> tuple[float, Float[np.ndarray, " decisions"]]:
     """Wall time of the very first decision, compilation included, and of every decision after compiling; seconds.
 
-    A decision lasts from observing to the waypoints. Missions are taken until `least` decisions are timed, at least
-    one and at most the whole batch.
+    Missions are taken until `least` decisions are timed, at least one and at most the whole batch.
     """
-    decide, proceed = event_halves(planner.on(jax.tree.map(lambda array: array[0], missions.problem)))
-    first = 0.0
-    seconds: list[float] = []
+    halves = event_halves(planner.on(jax.tree.map(lambda array: array[0], missions.problem)))
+    first, seconds = 0.0, []
     for i in range(missions.start.shape[0]):
         mission = jax.tree.map(lambda array, i=i: array[i], missions)
-        mission_key = jax.random.fold_in(key, i)
-        state = reset(planner, mission)
-        if i == 0:
-            begun = time.perf_counter()
-            jax.block_until_ready(decide(mission, state, mission_key))
-            first = time.perf_counter() - begun
-        while bool(state.active.any()) and not bool(state.full.any()):
-            jax.block_until_ready(state)
-            begun = time.perf_counter()
-            decided = jax.block_until_ready(decide(mission, state, mission_key))
-            seconds.append(time.perf_counter() - begun)
-            state = proceed(mission, *decided)
+        begin = mission, reset(planner, mission), jax.random.fold_in(key, i)
+        first = first or next(timed_decisions(halves, *begin), 0.0)
+        seconds += timed_decisions(halves, *begin)
         if len(seconds) >= least:
             break
     return first, np.asarray(seconds)
 
 
-def decision_seconds(
-    planner: Planner, missions: Mission, key: Key, *, least: int = 50
-) -> Float[np.ndarray, " decisions"]:
-    """Wall time of every decision of the first missions of a batch, seconds; see `first_decision_seconds`."""
-    return first_decision_seconds(planner, missions, key, least=least)[1]
-
-
 def decision_time(planner: Planner, missions: Mission, key: Key, *, least: int = 50) -> DecisionTime:
     """Median and 95th percentile of `decision_seconds`, in milliseconds."""
-    milliseconds = 1e3 * decision_seconds(planner, missions, key, least=least)
-    return DecisionTime(
-        float(np.median(milliseconds)), float(np.percentile(milliseconds, 95)), int(milliseconds.shape[0])
-    )
+    milliseconds = 1e3 * decision_seconds(planner, missions, key, least=least)[1]
+    median, p95 = (float(np.percentile(milliseconds, q)) for q in (50, 95))
+    return DecisionTime(median, p95, len(milliseconds))

@@ -1,22 +1,38 @@
-"""How fast planners decide: one at a time on one core, and in batches on all devices."""
+"""`maipp benchmark latency`: how fast planners decide, one at a time on one core, and in batches on all devices."""
 
+import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
 
-from maipp.benchmarks.latency import first_decision_seconds
+from maipp.benchmarks import page
+from maipp.benchmarks.latency import decision_seconds
+from maipp.benchmarks.machine import machine, versions
+from maipp.benchmarks.output import make_folder
 from maipp.benchmarks.table_rows import Row
+from maipp.benchmarks.tables import TABLES
 from maipp.devices import missions_devices
-from maipp.engine import draw_missions, run_missions
-from maipp.planners import make_planner
+from maipp.engine import run_missions
+from maipp.files import write_atomic
+from maipp.markdown import markdown_table
 from maipp.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class LatencyPlan:
+    """What to time."""
+
+    scenario: Scenario = Scenario()
+    rows: tuple[Row, ...] = TABLES["table1"].chosen(())
+    decisions: int = 300  # at batch 1, at least
+    batch: int = 64  # missions
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -43,30 +59,33 @@ def one_core() -> Iterator[None]:
         yield
         return
     before = os.sched_getaffinity(0)
-    _pin(tasks, {min(before)})
+
+    def pin(cores: set[int]) -> None:
+        for task in tasks.iterdir():
+            with suppress(OSError):  # the thread has ended meanwhile
+                os.sched_setaffinity(int(task.name), cores)
+
+    pin({min(before)})
     try:
         yield
     finally:
-        _pin(tasks, before)
+        pin(before)
 
 
 def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int, seed: int) -> Latency:
     """Time a row: at least `decisions` single decisions, and a batch of missions."""
-    planner = make_planner(row.planner, scenario, row.options)
-    missions = draw_missions(
-        scenario,
-        seed=seed,
-        instances=batch,
-        planner=planner,
-    )
+    planner, missions = row.drawn(scenario, instances=batch, seed=seed)
     key = jax.random.key(seed)
     with one_core():
-        first, seconds = first_decision_seconds(planner, missions, key, least=decisions)
-    taken, (cold, warm) = 0, (0.0, 0.0)
-    for number in range(2):
+        first, seconds = decision_seconds(planner, missions, key, least=decisions)
+
+    def run() -> tuple[float, int]:
+        """Seconds that the batch takes, and its decisions."""
         begun = time.perf_counter()
         taken = int(np.asarray(run_missions(planner, missions, key).events).sum())
-        cold, warm = (time.perf_counter() - begun, warm) if number == 0 else (cold, time.perf_counter() - begun)
+        return time.perf_counter() - begun, taken
+
+    (cold, _), (warm, taken) = run(), run()
     median, p95, p99 = (float(np.percentile(seconds, q)) for q in (50, 95, 99))
     return Latency(
         row=row.name,
@@ -84,29 +103,58 @@ def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int,
 
 def latency_table(found: Sequence[Latency]) -> str:
     """Markdown: a line per row."""
-    lines = [
-        "| row | median, ms | p95, ms | p99, ms | compile, s | decisions/s in a batch | compile of the batch, s |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    heading = ("row", "median, ms", "p95, ms", "p99, ms", "compile, s", "decisions/s in a batch")
+    rows = []
     for one in found:
-        times = (one.median_ms, one.p95_ms, one.p99_ms, one.compile_s)
-        cells = [f"`{one.row}`", *map(_three, times), f"{one.per_second:,.0f}", _three(one.batch_compile_s)]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        times = map(page.three, (one.median_ms, one.p95_ms, one.p99_ms, one.compile_s))
+        rows.append([f"`{one.row}`", *times, f"{one.per_second:,.0f}", page.three(one.batch_compile_s)])
+    return markdown_table([*heading, "compile of the batch, s"], rows)
 
 
-def latency_json(found: Sequence[Latency], about: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything as plain JSON."""
-    return {"format": "maipp-latency", **about, "rows": [asdict(one) for one in found]}
+def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] = lambda _: None) -> list[Path]:
+    """Time every row, and write latency.json and latency.md after each, so that an interrupt keeps what is done.
+
+    Raises `InputError` where a file cannot be written.
+    """
+    begun = time.perf_counter()
+    make_folder(folder)
+    here = machine(), versions()
+    about = {"scenario": plan.scenario.to_dict(), "seed": plan.seed, "machine": here[0], "versions": here[1]}
+    found, paths = [], [folder / "latency.json", folder / "latency.md"]
+    for row in plan.rows:
+        told(f"timing {row.name}")
+        size, seed = plan.decisions, plan.seed
+        found.append(measure_latency(row, plan.scenario, decisions=size, batch=plan.batch, seed=seed))
+        document = {"format": "maipp-latency", **about, "rows": [asdict(one) for one in found]}
+        write_atomic(paths[0], json.dumps(document, indent=1) + "\n")
+        blocks = [
+            _notes(plan),
+            latency_table(found),
+            page.code(command(plan, plan.rows[: len(found)], folder.name)),
+            f"Made on {page.made_on(here)}.",
+            page.wall_time(
+                time.perf_counter() - begun, "all of it; the times above do not regenerate to the last digit"
+            ),
+        ]
+        write_atomic(paths[1], "\n\n".join(blocks) + "\n")
+    return paths
 
 
-def _three(value: float) -> str:
-    return f"{value:#.3g}".rstrip(".")
+def command(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
+    """The command that times these rows."""
+    given, usual = (
+        {name: getattr(each, name) for name in ("decisions", "batch", "seed")}
+        | {name: getattr(each.scenario, name) for name in ("agents", "budget")}
+        | {"planners": [row.name for row in each.rows]}
+        for each in (replace(plan, rows=tuple(rows)), LatencyPlan())
+    )
+    return page.command(["maipp", "benchmark", "latency", "--out", out], given, usual)
 
 
-def _pin(tasks: Path, cores: set[int]) -> None:
-    for task in tasks.iterdir():
-        try:
-            os.sched_setaffinity(int(task.name), cores)
-        except OSError:  # the thread has ended meanwhile
-            continue
+def _notes(plan: LatencyPlan) -> str:
+    scenario = plan.scenario
+    return (
+        f"{scenario.agents} agents, budget {scenario.budget:g}. Median, p95 and p99: single decisions from observing "
+        f"to the waypoints, one after the other on one core, at least {plan.decisions} of them, compilation apart. "
+        f"Batch: {plan.batch} missions from start to end on all devices."
+    )

@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import platform
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,24 +47,3 @@ def machine() -> dict[str, Any]:
         "devices": len(devices),
         "precision": str(jnp.result_type(float)),
     }
-
-
-def made_on(machine: Mapping[str, Any], versions: Mapping[str, str]) -> str:
-    """Machine and versions in words, for the line below a table."""
-    devices = f"{machine['devices']} device{'s' if machine['devices'] > 1 else ''}"
-    return (
-        f"{machine['cpu']}, {machine['cores']} core{'s' if machine['cores'] > 1 else ''}, JAX on {machine['backend']} "
-        f"({devices}), {machine['precision']}, maipp {versions['maipp']}, jax {versions['jax']}, "
-        f"Python {versions['python']}"
-    )
-
-
-def device_time(seconds: float, what: str) -> str:
-    """As `wall_time`, where seconds on several devices count several times."""
-    minutes = f"{seconds / 60:.1f} minutes for {what}"
-    return f"*Wall time times devices, which does not regenerate: {minutes}; on a CPU a device is a core.*"
-
-
-def wall_time(seconds: float, what: str) -> str:
-    """The line for what changes each time, set apart from the numbers that do not."""
-    return f"*Wall time, which does not regenerate: {seconds / 60:.1f} minutes for {what}.*"

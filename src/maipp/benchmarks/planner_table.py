@@ -5,7 +5,6 @@ With `--page README.md` the tables replace what stands there between the two mar
 
 import json
 import math
-import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
@@ -14,22 +13,19 @@ from typing import Annotated, Any
 
 import tyro
 
+from maipp.benchmarks import page
+from maipp.benchmarks.page import METRICS
 from maipp.errors import InputError
 from maipp.files import write_atomic
+from maipp.markdown import filled, markdown_table, typed
 from maipp.planners import planner_options
 from maipp.scenario import Scenario
 
 START, END = "<!-- table:start -->", "<!-- table:end -->"
 
-METRICS = {
-    "trace": "Tr(P)",
-    "own_trace": "Tr(P) of the agents' own beliefs",
-    "true_trace": "Tr(P) over the true high-interest area",
-    "rmse": "RMSE",
-}
 _FORMAT = "maipp-evaluations"
-# A shortcut flag of `maipp evaluate` for each of these scenario fields; the others go by --set.
-_FLAGS = {"agents": "--agents", "length_scale": "--length-scale", "comm_range": "--comm-range", "field": "--field"}
+# Scenario fields that `maipp evaluate` has a flag for; the others go by --set.
+_FLAGS = ("agents", "length_scale", "comm_range", "field")
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,7 @@ class Result:
             defaults = {option.name: option.default for option in planner_options(self.row["planner"])}
         except InputError:  # a planner from a file that is no longer there
             defaults = {}
-        return {k: _typed(v) for k, v in self.row["options"].items() if _typed(v) != _typed(defaults.get(k, MISSING))}
+        return {k: typed(v) for k, v in self.row["options"].items() if typed(v) != typed(defaults.get(k, MISSING))}
 
     @property
     def sample(self) -> tuple[int, int, int]:
@@ -84,7 +80,7 @@ class Result:
         summary = self.row["summary"][metric]
         if summary["mean"] is None or not math.isfinite(summary["mean"]):
             raise InputError(f"{self.file}: {self.label} has no finite {metric} at budget {self.budget}; run it again")
-        return mean_and_error(summary["mean"], summary["se"])
+        return page.mean_and_error(summary["mean"], summary["se"])
 
     @property
     def label(self) -> str:
@@ -110,8 +106,8 @@ def read_results(files: Sequence[Path]) -> list[Result]:
     return results
 
 
-def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",), page: Path | None = None) -> str:
-    """Markdown tables, one per scenario and metric, and below them what made them and writes them to the page.
+def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",), file: Path | None = None) -> str:
+    """Markdown tables, one per scenario and metric, and below them what made them and writes them to the page `file`.
 
     Raises `InputError` for an unknown metric and where two results claim the same cell.
     """
@@ -119,29 +115,14 @@ def planner_table(results: Sequence[Result], metrics: Sequence[str] = ("trace",)
     blocks = []
     for setting in settings:
         there = [r for r in results if r.setting == setting]
+        words = ", ".join(f"{key} {typed(value)}" for key, value in setting.items() if key != "agents")
+        agents = f"{setting['agents']} agent{'s' * (setting['agents'] > 1)}"
         for number, metric in enumerate(metrics):
             if metric not in METRICS:
                 raise InputError(f"metric {metric!r}: there is none of that name; give one of {', '.join(METRICS)}")
-            blocks.append(f"{METRICS[metric]}, {_setting_words(setting)}:")
+            blocks.append(f"{', '.join(filter(None, (METRICS[metric], agents, words)))}:")
             blocks.append(_table(there, metric, facts=number == 0))
-    return "\n\n".join([*blocks, _notes(results), _commands(results, metrics, page)])
-
-
-def with_table(page: str, table: str) -> str:
-    """The page with the table between its marker lines. Raises `InputError` where they are missing."""
-    before, start, rest = page.partition(START)
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise InputError(f"the page has no lines {START} and {END}; put them where the table should be")
-    return f"{before}{START}\n\n{table}\n\n{END}{after}"
-
-
-def mean_and_error(mean: float, se: float | None) -> str:
-    """`36.1 ± 1.2`: the error to two significant digits, the mean to the same place; three digits without an error."""
-    if se is None or not se > 0:
-        return f"{mean:#.3g}".rstrip(".")
-    decimals = max(0, 1 - math.floor(math.log10(se)))
-    return f"{mean:.{decimals}f} ± {se:.{decimals}f}"
+    return "\n\n".join([*blocks, _notes(results), _commands(results, metrics, file)])
 
 
 def _table(results: Sequence[Result], metric: str, *, facts: bool) -> str:
@@ -166,13 +147,7 @@ def _table(results: Sequence[Result], metric: str, *, facts: bool) -> str:
         sizes = [str(last["message_bytes"])] * facts
         times = [f"{time['median']:.3g} ({time['p95']:.3g})" if time else ""] * timed
         rows.append([label, *values, *[f"{instances} x {trials}, {seed}"] * several, *sizes, *times])
-    ruler = ["---"] + ["---:"] * (len(heading) - 1)
-    return "\n".join(f"| {' | '.join(row)} |" for row in [heading, ruler, *rows])
-
-
-def _setting_words(setting: Mapping[str, Any]) -> str:
-    others = [f"{key} {_typed(value)}" for key, value in setting.items() if key != "agents"]
-    return ", ".join([f"{setting['agents']} agent{'s' if setting['agents'] > 1 else ''}", *others])
+    return markdown_table(heading, rows)
 
 
 def _notes(results: Sequence[Result]) -> str:
@@ -184,58 +159,37 @@ def _notes(results: Sequence[Result]) -> str:
         words.append(f"Each number: {instances} instances x {trials} trial{'s' * (trials > 1)}, seed {seed}.")
     if any(r.row["decision_ms"] for r in results):
         words.append("Decision: median of one at a time, at the largest budget, compilation excluded.")
-    made = [
-        f"{m['cpu']}, {m['cores']} cores, JAX on {m['backend']}, {m['precision']}, "
-        f"maipp {v['maipp']}, jax {v['jax']}, Python {v['python']}"
-        for m, v in ((r.row["machine"], r.row["versions"]) for r in results)
-    ]
-    return " ".join(words) + "\nMade on " + "; and on ".join(dict.fromkeys(made)) + ":"
+    return " ".join(words) + f"\nMade on {page.made_on(*((r.row['machine'], r.row['versions']) for r in results))}:"
 
 
-def _commands(results: Sequence[Result], metrics: Sequence[str], page: Path | None) -> str:
+def _commands(results: Sequence[Result], metrics: Sequence[str], file: Path | None) -> str:
     """The commands that regenerate the files and the tables, as a code block."""
     groups: dict[str, list[Result]] = {}
     for r in results:
         timed = r.row["decision_ms"] is not None
         groups.setdefault(json.dumps([r.file, r.setting, r.sample, sorted(r.options.items()), timed]), []).append(r)
-    lines = [shlex.join(_command(group)) for group in groups.values()]
     words = ["python", "-m", "maipp.benchmarks.planner_table", *dict.fromkeys(r.file for r in results)]
-    words += ["--metric", *metrics] if tuple(metrics) != ("trace",) else []
-    words += ["--page", page.name] if page else []
-    return "\n".join(["```sh", *lines, shlex.join(words), "```"])
+    flags = {"metric": tuple(metrics), "page": file and file.name}
+    return page.code(*map(_command, groups.values()), page.command(words, flags, {"metric": ("trace",)}))
 
 
-def _command(group: Sequence[Result]) -> list[str]:
-    """The words of the `maipp evaluate` that gives these results: one scenario, sample and set of options."""
+def _command(group: Sequence[Result]) -> str:
+    """The `maipp evaluate` that gives these results: one scenario, sample and set of options."""
     first = group[0]
-    instances, trials, seed = map(str, first.sample)
+    own = {key: value for key, value in first.setting.items() if key in _FLAGS}
     settings = [f"{key}={value}" for key, value in first.options.items()]
-    flags = []
     for key, value in first.setting.items():
-        if key in _FLAGS:
-            flags += [_FLAGS[key], _typed(value)]
-        else:
-            settings.append(f"scenario.{key}={_literal(value)}")
+        if key not in own:
+            literal = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+            settings.append(f"scenario.{key}={literal}")
     budgets = list(dict.fromkeys(r.budget for r in group))
     if "," in budgets[0]:
-        settings.append(f"scenario.budget=[{budgets[0]}]")
-    else:
-        flags += ["--budget", *budgets]
-    words = ["maipp", "evaluate", "--planner", *dict.fromkeys(r.row["planner"] for r in group), *flags]
-    words += ["--set", *settings] if settings else []
-    words += ["--instances", instances, "--trials", trials, "--seed", seed]
-    return [*words, *["--no-timing"] * (first.row["decision_ms"] is None), "--json", first.file]
-
-
-def _typed(value: Any) -> str:
-    """The value as one types it after `--set`."""
-    if isinstance(value, list | tuple):
-        return ",".join(map(_typed, value))
-    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
-
-
-def _literal(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+        settings.append(f"scenario.budget=[{budgets.pop()}]")
+    flags: dict[str, Any] = {"planner": list(dict.fromkeys(r.row["planner"] for r in group))}
+    flags |= {key.replace("_", "-"): typed(value) for key, value in own.items()} | {"budget": budgets, "set": settings}
+    flags |= dict(zip(("instances", "trials", "seed"), first.sample, strict=True))
+    flags |= {"no-timing": first.row["decision_ms"] is None, "json": first.file}
+    return page.command(["maipp", "evaluate"], flags, {"budget": [], "set": [], "no-timing": False})
 
 
 def main(flags: PlannerTable) -> int:
@@ -245,7 +199,7 @@ def main(flags: PlannerTable) -> int:
         if flags.page is None:
             print(table)
         else:
-            write_atomic(flags.page, with_table(flags.page.read_text(encoding="utf-8"), table))
+            write_atomic(flags.page, filled(flags.page.read_text(encoding="utf-8"), START, END, table))
             print(f"wrote {flags.page}", file=sys.stderr)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -2,30 +2,26 @@
 
 import dataclasses
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from maipp.belief import Matern32
 from maipp.benchmarks.cells import Cell, CellResult
-from maipp.benchmarks.evaluate import Progress
+from maipp.benchmarks.evaluate import Progress, scored
 from maipp.benchmarks.fingerprint import code_digest
 from maipp.benchmarks.machine import machine, versions
-from maipp.engine import Mission, Planner, draw_missions, run_missions
-from maipp.engine.finite import instance_and_trial
-from maipp.engine.score import Metrics, score_missions
+from maipp.engine import Mission, Planner, draw_missions
 from maipp.fields.gp_field import draw_fields
 from maipp.planners import make_planner
 from maipp.problem import Shape
 from maipp.scenario import Scenario
 
-# Mixed into the seed for the fields and for the planner's randomness, so that they share no key with an instance.
-_FIELD_STREAM, _PLANNER_STREAM = 0xFFFFFFFE, 0xFFFFFFFF
+# Mixed into the seed for the fields, so that they share no key with an instance, nor with the planner.
+_FIELD_STREAM = 0xFFFFFFFE
 
 
 @dataclass(frozen=True)
@@ -42,15 +38,7 @@ class PriorCell(Cell):
         begun = time.perf_counter()
         planner = make_planner(self.row.planner, self.scenario, self.row.options)
         missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
-        key = jax.random.fold_in(jax.random.key(self.seed), _PLANNER_STREAM)
-        states = run_missions(planner, missions, key)
-        metrics = jax.device_get(score_missions(missions, states, name=instance_and_trial(self.trials)))
-        if progress is not None:
-            progress(self.instances * self.trials, self.instances * self.trials)
-        values: Mapping[str, np.ndarray] = {
-            field.name: np.asarray(getattr(metrics, field.name), np.float64).reshape(self.instances, self.trials)
-            for field in dataclasses.fields(Metrics)
-        }
+        values = scored(planner, missions, self.seed, self.trials, progress)
         return CellResult(values, time.perf_counter() - begun, machine(), versions())
 
 
@@ -59,14 +47,7 @@ def prior_missions(
 ) -> Mission:
     """A batch of `instances * trials` missions as `draw_missions` draws them, but for the ground truth: a draw of the
     Gaussian process that the scenario describes. The instance fixes it, whatever the planner and the budget."""
-    missions = draw_missions(
-        scenario,
-        seed=seed,
-        instances=instances,
-        trials=trials,
-        planner=planner,
-        shape=shape,
-    )
+    missions = draw_missions(scenario, seed=seed, instances=instances, trials=trials, planner=planner, shape=shape)
     kernel = Matern32(scenario.length_scale, scenario.signal_variance)
     drawn = draw_fields(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), kernel, instances)
     fields = jax.tree.map(lambda leaf: jnp.repeat(leaf, trials, axis=0), drawn)

@@ -1,20 +1,18 @@
 """How the time and the memory of one decision grow with the survey: agents, measurements, grid, nodes."""
 
 import dataclasses
-import math
+import itertools
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 
+from maipp.benchmarks.latency import compiled_anew, event_halves, timed_decisions
 from maipp.benchmarks.mid_survey import under_way
-from maipp.engine.advance import advance
-from maipp.engine.rollout import due_decision
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 
@@ -79,19 +77,34 @@ class Cost(NamedTuple):
     state_mb: float  # arrays of the mission and of its state
 
     @property
-    def size(self) -> Size:
-        """The point that was measured."""
-        return Size(self.agents, self.measurements, self.grid, self.nodes)
+    def point(self) -> tuple[str, str, Size]:
+        """What was measured, as `points` has it."""
+        return self.planner, self.axis, Size(self.agents, self.measurements, self.grid, self.nodes)
 
 
-def sizes(axes: dict[str, tuple[int, ...]], base: dict[str, int]) -> Iterator[tuple[str, Size]]:
-    """Every point of every axis, the other sizes at their base."""
+def points(
+    planners: Iterable[str],
+    axes: Mapping[str, Iterable[int]] = AXES,
+    base: Mapping[str, int] = BASE,
+    largest: Mapping[str, int] | None = LARGEST,
+) -> Iterator[tuple[str, str, Size]]:
+    """What there is to measure, as planner, axis and size: every point of every axis, the other sizes at their base.
+
+    Where it is given, the largest size comes last. Planners without roadmaps do not depend on the nodes.
+    """
+    sizes = []
     for axis, values in axes.items():
         for value in values:
-            size = Size(**(base | {axis: value}))
+            size = Size(**{**base, axis: value})
             # Every agent takes as many: the nearest multiple of their number.
             each = max(1, round(size.measurements / size.agents))
-            yield axis, dataclasses.replace(size, measurements=each * size.agents)
+            sizes.append((axis, dataclasses.replace(size, measurements=each * size.agents)))
+    if largest is not None:
+        sizes.append(("largest", Size(**largest)))
+    for axis, size in sizes:
+        for name in planners:
+            if axis != "nodes" or make_planner(name, Scenario()).uses_roadmap:
+                yield name, axis, size
 
 
 def measure(
@@ -100,36 +113,23 @@ def measure(
     """The cost of a decision of one planner at one size, at least `least` of them timed."""
     scenario = size.scenario(length_scale, capacity)
     planner = make_planner(name, scenario)
-    count = size.measurements // size.agents
-    mission, state = under_way(scenario, planner, seed=seed, count=count)
-    arrays, static = eqx.partition(planner.on(mission.problem), eqx.is_array)
+    mission, state = under_way(scenario, planner, seed=seed, count=size.measurements // size.agents)
+    held = sum(leaf.nbytes for leaf in jax.tree.leaves((mission, state)))
+    decide, proceed = event_halves(planner.on(mission.problem))
     key = jax.random.key(seed)
     begun = time.process_time()
-    compiled = jax.jit(lambda arrays, *inputs: due_decision(eqx.combine(arrays, static), *inputs))
-    compiled = compiled.lower(arrays, mission, state, key).compile()
+    compiled, decide = compiled_anew(decide, mission, state, key)
     compile_s = time.process_time() - begun
-    proceed = jax.jit(lambda arrays, *inputs: advance(eqx.combine(arrays, static), *inputs))
-    milliseconds: list[float] = []
     # In the first round nobody has told anything yet.
-    for event in range(size.agents + least):
-        jax.block_until_ready(state)
-        begun = time.process_time()
-        decided = jax.block_until_ready(compiled(arrays, mission, state, key))
-        if event >= size.agents:
-            milliseconds.append(1e3 * (time.process_time() - begun))
-        state = proceed(arrays, mission, *decided)
-        if not bool(state.active.any()):
-            break
+    every = timed_decisions((decide, proceed), mission, state, key, time.process_time)
+    seconds = list(itertools.islice(every, size.agents + least))
+    milliseconds = [1e3 * one for one in seconds[size.agents :]]
     needs = compiled.memory_analysis()
     assert needs is not None  # every backend that maipp runs on tells
-    held = sum(leaf.nbytes for leaf in jax.tree.leaves((mission, state)))
     return Cost(
         planner=name,
         axis=axis,
-        agents=size.agents,
-        measurements=count * size.agents,
-        grid=size.grid,
-        nodes=size.nodes,
+        **vars(size),
         decision_ms=statistics.median(milliseconds),
         p95_ms=float(np.percentile(milliseconds, 95)),
         decisions=len(milliseconds),
@@ -149,53 +149,16 @@ class Growth(NamedTuple):
     memory: float  # exponent of the memory, over the whole axis
 
 
-def growth(costs: list[Cost]) -> list[Growth]:
+def growth(costs: Sequence[Cost]) -> list[Growth]:
     """Exponents fitted by least squares to the logarithms, for each planner and axis with two sizes or more."""
     found = []
-    for name in dict.fromkeys(cost.planner for cost in costs):
-        for axis in dict.fromkeys(cost.axis for cost in costs):
-            line = sorted((c for c in costs if (c.planner, c.axis) == (name, axis)), key=lambda c: getattr(c, axis, 0))
-            if axis not in AXES or len({getattr(c, axis) for c in line}) < 2:
-                continue
-            size = [math.log(getattr(c, axis)) for c in line]
-            duration, memory = ([math.log(getattr(c, k)) for c in line] for k in ("decision_ms", "memory_mb"))
+    for name, axis in itertools.product(dict.fromkeys(c.planner for c in costs), dict.fromkeys(c.axis for c in costs)):
+        line = [c for c in costs if (c.planner, c.axis) == (name, axis) and axis in AXES]
+        numbers = sorted((getattr(c, axis), c.decision_ms, c.memory_mb) for c in line)
+        if len({size for size, *_ in numbers}) > 1:
+            size, duration, memory = np.log(numbers).T
             end = (duration[-1] - duration[-2]) / (size[-1] - size[-2])
-            slopes = (float(np.polyfit(size, values, 1)[0]) for values in (duration, memory))
-            time_slope, memory_slope = slopes
-            found.append(Growth(name, axis, time_slope, end, memory_slope))
+            slopes = (np.polyfit(size, values, 1)[0] for values in (duration, memory))
+            time_slope, memory_slope = map(float, slopes)
+            found.append(Growth(name, axis, time_slope, float(end), memory_slope))
     return found
-
-
-def scaling(
-    planners: tuple[str, ...] = PLANNERS,
-    *,
-    axes: dict[str, tuple[int, ...]] | None = None,
-    base: dict[str, int] | None = None,
-    largest: dict[str, int] | None = LARGEST,
-    length_scale: float = 0.25,
-    capacity: int | None = None,
-    least: int = 30,
-    seed: int = 0,
-    done: tuple[Cost, ...] = (),
-    report: Callable[[Cost], None] = lambda cost: None,
-) -> list[Cost]:
-    """The costs of each planner's decisions along the axes and, where given, at the largest size.
-
-    `capacity` replaces the scenario's `belief_capacity`; at least `least` decisions are timed at each point. Points of
-    which `done` has the cost are not measured again. `report` is called with every new cost as it comes.
-    """
-    points = list(sizes(AXES if axes is None else axes, BASE if base is None else base))
-    if largest is not None:
-        points.append(("largest", Size(**largest)))
-    costs = list(done)
-    measured = {(cost.planner, cost.axis, cost.size) for cost in done}
-    for axis, size in points:
-        for name in planners:
-            if (name, axis, size) in measured:
-                continue
-            if axis == "nodes" and not make_planner(name, Scenario()).uses_roadmap:
-                continue
-            cost = measure(name, axis, size, length_scale=length_scale, capacity=capacity, least=least, seed=seed)
-            costs.append(cost)
-            report(cost)
-    return costs

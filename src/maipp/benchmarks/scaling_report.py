@@ -1,20 +1,22 @@
 """What `maipp benchmark scaling` leaves: a JSON file with everything, two CSV files, a page of tables, a figure."""
 
-import csv
-import io
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
 from maipp.benchmarks.belief_error import BeliefError
+from maipp.benchmarks.drawing import save_figure
 from maipp.benchmarks.machine import machine, versions
-from maipp.benchmarks.scaling import AXES, Cost, growth
+from maipp.benchmarks.output import csv_text
+from maipp.benchmarks.page import made_on
+from maipp.benchmarks.scaling import AXES, BASE, Cost, growth
 from maipp.errors import InputError
-from maipp.files import atomic_path, write_atomic
+from maipp.files import write_atomic
+from maipp.markdown import markdown_table
 from maipp.viz.style import AGENT_COLOURS, GREY, MEDIUM, SMALL, add_axes, new_figure
 
 LIMIT_MS = 250.0  # a decision at the largest size should take less
@@ -32,14 +34,14 @@ class Results(NamedTuple):
 
 
 def write_json(results: Results, folder: Path) -> None:
-    """Write all results so far to `scaling.json`."""
+    """Write all results so far to `scaling.json`; JSON has no NaN, which becomes null."""
     content = {
         "settings": results.settings,
         "versions": versions(),
         "machine": machine(),
         "costs": [cost._asdict() for cost in results.costs],
         "growth": [line._asdict() for line in growth(results.costs)],
-        "errors": [_finite(error._asdict()) for error in results.errors],
+        "errors": [_replaced(error._asdict(), math.isnan, None) for error in results.errors],
     }
     write_atomic(folder / "scaling.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
 
@@ -59,7 +61,7 @@ def read_json(folder: Path, settings: dict[str, Any]) -> Results:
         if tuple(content[key] for key in ("settings", "versions", "machine")) != here:
             return none
         costs = [Cost(**row) for row in content["costs"]]
-        errors = [BeliefError(**_undefined(row)) for row in content["errors"]]
+        errors = [BeliefError(**_replaced(row, lambda value: value is None, math.nan)) for row in content["errors"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}: not a record of this benchmark ({error}); remove it, or give another --out"
@@ -67,101 +69,80 @@ def read_json(folder: Path, settings: dict[str, Any]) -> Results:
     return Results(settings, costs, errors)
 
 
+def _replaced(row: dict[str, Any], which: Callable[[Any], bool], by: Any) -> dict[str, Any]:
+    return {key: by if which(value) else value for key, value in row.items()}
+
+
+def add_missing(
+    kept: list[Any], wanted: Iterable[tuple], measure: Callable[..., Any], told: Callable[[Any], None]
+) -> None:
+    """Measure at all points of which nothing is kept yet, and keep what comes; `told` hears of each when it is kept."""
+    there = {one.point for one in kept}
+    for point in wanted:
+        if point not in there:
+            kept.append(measure(*point))
+            told(kept[-1])
+
+
 def write_report(results: Results, folder: Path) -> list[Path]:
     """Write tables and figure of finished results; gives the paths written."""
     written = [folder / name for name in ("scaling.json", "scaling.csv", "errors.csv", "scaling.md", "scaling.png")]
     write_json(results, folder)
-    write_atomic(written[1], _csv(Cost._fields, results.costs))
-    write_atomic(written[2], _csv(BeliefError._fields, results.errors))
+    write_atomic(written[1], csv_text(Cost._fields, results.costs))
+    write_atomic(written[2], csv_text(BeliefError._fields, results.errors))
     write_atomic(written[3], to_markdown(results))
-    with atomic_path(written[4]) as path:
-        draw_scaling(results.costs).savefig(path)
+    save_figure(draw_scaling(results.costs), written[4])
     return written
 
 
 def to_markdown(results: Results) -> str:
     """The tables: exponents, the largest size, every point, and the errors of the belief."""
-    here, releases = machine(), versions()
+    grown = ((f"`{g.planner}`", g.axis, *(f"{value:.2f}" for value in g[2:])) for g in growth(results.costs))
+    costs = ((f"`{c.planner}`", *map(str, c[1:6]), *(f"{c[i]:.1f}" for i in (6, 7, 9, 10, 11))) for c in results.costs)
+    errors = (
+        (
+            *(f"{value:g}" for value in e[:4]),
+            f"{e.trace:.4g}",
+            *(f"{100 * value:.3f} %" for value in (e.error, e.error_se, e.error_worst)),
+            *(f"{value:.2g}" for value in (e.mean_worst, e.variance_worst)),
+        )
+        for e in results.errors
+    )
     parts = [
-        "# Scaling\n",
-        f"{here['cpu']}, JAX on {here['backend']}, {here['precision']}, maipp {releases['maipp']}, "
-        f"jax {releases['jax']}, Python {releases['python']}. Times are processor time of one decision (hear, observe, "
-        "decide), medians; memory is what the compiled decision needs at its peak.\n",
-        "Cost goes as the size to the power of:\n",
-        _table(
-            ("planner", "axis", "time", "time, last two sizes", "memory"),
-            ((f"`{g.planner}`", g.axis, *(f"{value:.2f}" for value in g[2:])) for g in growth(results.costs)),
-        ),
-        "Every size:\n",
-        _table(
-            (
-                "planner",
-                "varied",
-                "agents",
-                "measurements",
-                "grid",
-                "nodes",
-                "ms",
-                "p95",
-                "compile s",
-                "MB",
-                "state MB",
-            ),
-            ((f"`{c.planner}`", *map(str, c[1:6]), *(f"{c[i]:.1f}" for i in (6, 7, 9, 10, 11))) for c in results.costs),
-        ),
+        "# Scaling",
+        f"{made_on((machine(), versions()))}. Times are processor time of one decision (hear, observe, decide), "
+        "medians; memory is what the compiled decision needs at its peak.",
+        "Cost goes as the size to the power of:",
+        markdown_table(("planner", "axis", "time", "time, last two sizes", "memory"), grown),
+        "Every size:",
+        markdown_table(("planner", "varied", *BASE, "ms", "p95", "compile s", "MB", "state MB"), costs),
     ]
     if results.errors:
+        kinds = ("measurements", "interval", "length scale", "surveys")
         parts += [
             "Error of the belief against the exact one in float64 (se: over surveys; worst: of any survey; mean and "
-            "variance: the worst of any survey and grid point):\n",
-            _table(
-                (
-                    "measurements",
-                    "interval",
-                    "length scale",
-                    "surveys",
-                    "Tr(P)",
-                    "error",
-                    "se",
-                    "worst",
-                    "mean",
-                    "variance",
-                ),
-                (
-                    (
-                        *(f"{value:g}" for value in e[:4]),
-                        f"{e.trace:.4g}",
-                        *(f"{100 * value:.3f} %" for value in (e.error, e.error_se, e.error_worst)),
-                        f"{e.mean_worst:.2g}",
-                        f"{e.variance_worst:.2g}",
-                    )
-                    for e in results.errors
-                ),
-            ),
+            "variance: the worst of any survey and grid point):",
+            markdown_table((*kinds, "Tr(P)", "error", "se", "worst", "mean", "variance"), errors),
         ]
-    return "\n".join(parts)
+    return "\n\n".join(parts) + "\n"
 
 
-def draw_scaling(costs: list[Cost], dpi: int = 160) -> Figure:
+def draw_scaling(costs: Sequence[Cost], dpi: int = 160) -> Figure:
     """Time above, memory below, one panel for each axis, logarithmic; the dashed line is the limit of a decision."""
     axes_names = [axis for axis in AXES if any(cost.axis == axis for cost in costs)]
     planners = list(dict.fromkeys(cost.planner for cost in costs))
-    columns = max(1, len(axes_names))
-    width = _LEFT + columns * (_WIDTH + _GAP_X)
+    width = _LEFT + max(1, len(axes_names)) * (_WIDTH + _GAP_X)
     figure = new_figure(width, 2 * _HEIGHT + _GAP_Y + _BOTTOM + 0.45, dpi)
     for column, axis in enumerate(axes_names):
+        sizes = sorted({getattr(cost, axis) for cost in costs if cost.axis == axis})
         for row, (field, label) in enumerate((("memory_mb", "memory, MB"), ("decision_ms", "decision, ms"))):
             left, bottom = _LEFT + column * (_WIDTH + _GAP_X), _BOTTOM + row * (_HEIGHT + _GAP_Y)
             panel = add_axes(figure, left, bottom, _WIDTH, _HEIGHT)
-            for i, planner in enumerate(planners):
-                line = sorted(
-                    (getattr(c, axis), getattr(c, field)) for c in costs if (c.planner, c.axis) == (planner, axis)
-                )
+            for i, name in enumerate(planners):
+                line = sorted((getattr(c, axis), getattr(c, field)) for c in costs if c.point[:2] == (name, axis))
+                look = {"color": AGENT_COLOURS[i % 7], "marker": "o", "ms": 2.5, "lw": 1}
                 if line:
-                    panel.plot(
-                        *zip(*line, strict=True), color=AGENT_COLOURS[i % 7], marker="o", ms=2.5, lw=1, label=planner
-                    )
-            sizes = sorted({getattr(cost, axis) for cost in costs if cost.axis == axis})
+                    panel.plot(*zip(*line, strict=True), label=name, **look)
             panel.set(xscale="log", yscale="log")
             panel.set_xticks(sizes, [str(size) for size in sizes])
             panel.minorticks_off()
@@ -172,30 +153,6 @@ def draw_scaling(costs: list[Cost], dpi: int = 160) -> Figure:
             if not column:
                 panel.set_ylabel(label, fontsize=MEDIUM)
             if row and not column:
-                figure.legend(
-                    *panel.get_legend_handles_labels(), loc="upper center", ncols=3, fontsize=SMALL, frameon=False
-                )
+                lines = panel.get_legend_handles_labels()
+                figure.legend(*lines, loc="upper center", ncols=3, fontsize=SMALL, frameon=False)
     return figure
-
-
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """NaN as null: JSON has no NaN."""
-    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in row.items()}
-
-
-def _undefined(row: dict[str, Any]) -> dict[str, Any]:
-    """And back."""
-    return {key: math.nan if value is None else value for key, value in row.items()}
-
-
-def _csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
-
-
-def _table(header: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
-    lines = [header, tuple("---" if i == 0 else "---:" for i in range(len(header))), *rows]
-    return "".join("| " + " | ".join(line) + " |\n" for line in lines)

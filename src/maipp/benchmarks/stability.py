@@ -11,14 +11,12 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 
-from maipp.benchmarks.evaluate import summarise
 from maipp.benchmarks.intent_history import divergences, intents_told
+from maipp.benchmarks.page import mean_and_error, shown, three
 from maipp.benchmarks.paired import Paired, paired
-from maipp.benchmarks.planner_table import mean_and_error
 from maipp.benchmarks.table_rows import RRT_LONG, RRT_MEDIUM, RRT_SHORT, Row, intent_row
-from maipp.engine import draw_missions
 from maipp.engine.score import score_missions
-from maipp.planners import make_planner
+from maipp.markdown import markdown_table
 from maipp.scenario import Scenario
 from maipp.typing import Float
 
@@ -46,13 +44,7 @@ class Stability:
 def measure(kind: str, length: int, scenario: Scenario, *, instances: int, seed: int) -> Stability:
     """Run the row of this kind and length on one mission per instance."""
     row = KINDS[kind][length]
-    planner = make_planner(row.planner, scenario, row.options)
-    missions = draw_missions(
-        scenario,
-        seed=seed,
-        instances=instances,
-        planner=planner,
-    )
+    planner, missions = row.drawn(scenario, instances=instances, seed=seed)
     history = intents_told(planner, missions, jax.random.key(seed))
     kl = divergences(history, scenario.agents)
     trace = np.asarray(score_missions(missions, history.states).trace, np.float64)
@@ -62,12 +54,12 @@ def measure(kind: str, length: int, scenario: Scenario, *, instances: int, seed:
 
 def stability_table(found: Sequence[Stability]) -> str:
     """Markdown: divergence and final Tr(P) of each kind and length."""
-    rows = ["| paths | row | KL, mean | KL, median | Tr(P) |", "| --- | --- | ---: | ---: | ---: |"]
+    rows = []
     for one in found:
         unit = "measurements" if one.kind == "SGA+RRT" else "nodes"
-        kl, trace = (_mean(values) for values in (one.divergence, one.trace))
-        rows.append(f"| {one.kind}, {one.length} {unit} | `{one.row.name}` | {kl} | {_three(one.median)} | {trace} |")
-    return "\n".join(rows)
+        kl, trace = (shown(values[np.isfinite(values[:, 0])]) for values in (one.divergence, one.trace))
+        rows.append([f"{one.kind}, {one.length} {unit}", f"`{one.row.name}`", kl, three(one.median), trace])
+    return markdown_table(["paths", "row", "KL, mean", "KL, median", "Tr(P)"], rows, left=2)
 
 
 def verdicts(found: Sequence[Stability]) -> str:
@@ -97,15 +89,6 @@ def verdicts(found: Sequence[Stability]) -> str:
             despite = _verdict([rises[0], *gains])
             lines.append(f"- TI: paths of medium length win although their intents are less stable: **{despite}**.")
     return "\n".join(lines)
-
-
-def _mean(values: Float[np.ndarray, "instances 1"]) -> str:
-    summary = summarise(values[np.isfinite(values[:, 0])])
-    return mean_and_error(summary.mean, summary.se)
-
-
-def _three(value: float) -> str:
-    return f"{value:#.3g}".rstrip(".")
 
 
 def _paired_kl(more: Stability, less: Stability) -> Paired:

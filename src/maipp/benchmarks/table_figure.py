@@ -1,18 +1,17 @@
 """A table as a picture: what each row leaves at each budget, the paper's numbers hollow beside ours."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from maipp.benchmarks.drawing import log_scale, put_title
 from maipp.benchmarks.evaluate import summarise
-from maipp.benchmarks.planner_table import METRICS
+from maipp.benchmarks.page import METRICS
 from maipp.benchmarks.table_run import Line
 from maipp.benchmarks.tables import TableSpec
-from maipp.files import atomic_path
-from maipp.viz.style import AGENT_COLOURS, GREY, LARGE, MEDIUM, SMALL, add_axes, new_figure
+from maipp.viz.style import AGENT_COLOURS, GREY, MEDIUM, SMALL, add_axes, new_figure
 
 _LEFT, _WIDTH, _GAP, _RIGHT, _TOP, _BOTTOM, _LINE = 1.6, 3.6, 0.2, 0.2, 0.75, 0.75, 0.24  # inches
 
@@ -32,32 +31,23 @@ def draw_table(table: TableSpec, lines: Sequence[Line]) -> Figure:
         if len(parts) > 1:
             reach = part.scenario.comm_range
             axes.set_title("global" if reach is None else f"range {reach:g}", fontsize=MEDIUM, loc="left", pad=4)
-        axes.set_xscale("log")
+        log_scale(axes, "x")
         axes.set_xlabel(METRICS[table.metric], fontsize=SMALL)
         axes.set(ylim=(len(names) - 0.5, -0.5), yticks=range(len(names)))
         axes.set_yticklabels(names if number == 0 else [], fontsize=SMALL)
-        for axis_format in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-            axis_format(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "125" else "")
-        axes.tick_params(which="both", labelsize=SMALL)
         axes.grid(axis="both", which="major", linewidth=0.3, alpha=0.5)
         axes.set_axisbelow(True)
         panels.append(axes)
     limits = [axes.get_xlim() for axes in panels]
     for axes in panels:
         axes.set_xlim(min(low for low, _ in limits), max(high for _, high in limits))
+    put_title(figure, table.title, _LEFT, 0.15)
     width, whole = figure.get_size_inches()
-    figure.text(_LEFT / width, 1 - 0.15 / whole, table.title, fontsize=LARGE, weight="bold", va="top")
     figure.legend(
         handles=_legend(table), loc="lower left", bbox_to_anchor=(_LEFT / width, 0.08 / whole), ncols=6,
         fontsize=SMALL, frameon=False, borderaxespad=0.0, columnspacing=1.2, handlelength=1.0,
     )  # fmt: skip
     return figure
-
-
-def save_table_figure(table: TableSpec, lines: Sequence[Line], path: Path) -> None:
-    """Draw the table into a picture file. Raises `InputError` where it cannot be written."""
-    with atomic_path(path) as temporary:
-        draw_table(table, lines).savefig(temporary)
 
 
 def _draw_line(axes: Axes, table: TableSpec, line: Line, place: int) -> None:

@@ -1,17 +1,16 @@
 """A table as Markdown: the paper's numbers beside ours, paired tests, and what made them."""
 
 import math
-import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from maipp.benchmarks import paper
+from maipp.benchmarks import page, paper
 from maipp.benchmarks.cells import CellResult
 from maipp.benchmarks.evaluate import summarise
-from maipp.benchmarks.machine import device_time, made_on
+from maipp.benchmarks.page import METRICS
 from maipp.benchmarks.paired import paired
-from maipp.benchmarks.planner_table import METRICS, mean_and_error
 from maipp.benchmarks.table_run import Line, Sample
 from maipp.benchmarks.tables import Part, TableSpec
+from maipp.markdown import markdown_table
 
 DEFAULT_SAMPLE, QUICK_SAMPLE = Sample(), Sample(trials=1)
 
@@ -25,56 +24,68 @@ def table_page(
     beside the page.
     """
     blocks = [f"{table.title}."]
-    for part in table.parts:
-        there = [line for line in lines if line.part is part]
-        if not there:
-            continue
+    for part, there in _parts(table, lines):
         blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", _main(table, there, sample), _half(table, there)]
         blocks += _compared(table, part, there, reference)
         for metric in table.beside:
-            blocks += [f"{METRICS[metric]}, {_missions(part)}:", _plain(table, metric, there)]
+            cell = _mean(metric)
+            blocks += [f"{METRICS[metric]}, {_missions(part)}:", _by_budget(table, there, "row", _name, cell)]
     blocks.append(_notes(table, lines, sample))
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
-    blocks.append(f"```sh\n{command(table, lines, sample, out, reference)}\n```")
     seconds = sum(result.wall_s * result.machine["devices"] for result in _results(lines))
-    blocks += [_made_on(lines), device_time(seconds, "the cells above")]
+    blocks.append(page.code(command(table, lines, sample, out, reference)))
+    blocks += [_made_on(lines), page.device_time(seconds, "the cells above")]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
 def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: str) -> str:
     """The short form: every row's number at every budget, how many missions they come from, and the command."""
     blocks = []
-    for part in table.parts:
-        there = [line for line in lines if line.part is part]
-        rows = [
-            [_described(line, sample), *(_cell(line.results[b], table.metric) for b in table.budgets)] for line in there
-        ]
-        heading = ["planner", *(f"B = {budget:g}" for budget in table.budgets)]
-        blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", _markdown(heading, rows)] if there else []
+    for part, there in _parts(table, lines):
+        numbers = _by_budget(
+            table, there, "planner", lambda line: _named(line, line.row.label, sample), _mean(table.metric)
+        )
+        blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", numbers]
     trials = f"{sample.trials} trial{'s' * (sample.trials > 1)}"
     blocks.append(
         f"Mean ± standard error over {sample.instances} instances of {trials} each, seed {sample.seed}, unless said; "
         f"lower is better. {_made_on(lines)}"
     )
-    return "\n\n".join([*blocks, f"```sh\n{command(table, lines, sample, out, table.reference)}\n```"]) + "\n"
+    blocks.append(page.code(command(table, lines, sample, out, table.reference)))
+    return "\n\n".join(blocks) + "\n"
 
 
 def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
     """The command that fills the table with these lines."""
-    words = ["maipp", "benchmark", table.name, "--out", out]
     quick = sample[:2] == QUICK_SAMPLE[:2]
-    if quick:
-        words.append("--quick")
-    else:
-        for name, given, usual in zip(Sample._fields[:2], sample, DEFAULT_SAMPLE, strict=False):
-            words += [f"--{name}", str(given)] if given != usual else []
-    words += ["--seed", str(sample.seed)] if sample.seed else []
-    rows = list(dict.fromkeys(line.row.name for line in lines))
-    usual = [row.name for row in table.chosen(()) if row.quick or not quick]
-    words += ["--planners", *rows] if rows != usual else []
-    words += ["--reference", reference] if reference != table.reference else []
-    return shlex.join(words)
+    flags = {"quick": quick, **sample._asdict(), "planners": list(dict.fromkeys(line.row.name for line in lines))}
+    usual = {"quick": False, **(QUICK_SAMPLE if quick else DEFAULT_SAMPLE)._asdict(), "reference": table.reference}
+    usual["planners"] = [row.name for row in table.chosen(()) if row.quick or not quick]
+    return page.command(["maipp", "benchmark", table.name, "--out", out], flags | {"reference": reference}, usual)
+
+
+def _parts(table: TableSpec, lines: Sequence[Line]) -> Iterable[tuple[Part, list[Line]]]:
+    """The parts of which there are lines, with these."""
+    every = ((part, [line for line in lines if line.part is part]) for part in table.parts)
+    return ((part, there) for part, there in every if there)
+
+
+def _by_budget(
+    table: TableSpec,
+    lines: Iterable[Line],
+    what: str,
+    name: Callable[[Line], str],
+    cell: Callable[[Line, float], str],
+) -> str:
+    """A line for each row, and a column for each budget."""
+    rows = [[name(line), *(cell(line, budget) for budget in table.budgets)] for line in lines]
+    return markdown_table([what, *(f"B = {budget:g}" for budget in table.budgets)], rows)
+
+
+def _mean(metric: str) -> Callable[[Line, float], str]:
+    """What a cell has of a metric."""
+    return lambda line, budget: page.shown(line.results[budget].values[metric])
 
 
 def _main(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
@@ -89,14 +100,11 @@ def _main(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
         row = [_name(line, sample), label, line.row.paper if printed and line.row.paper else ""]
         for budget in table.budgets:
             row.append(f"{printed[budget].mean:.2f} ({printed[budget].std:.2f})" if budget in printed else "")
-            row.append(_cell(line.results[budget], table.metric, std=True))
+            values = line.results[budget].values[table.metric]
+            std = summarise(values).std
+            row.append(page.shown(values) + ("" if std is None else f" ({f'{std:#.2g}'.rstrip('.')})"))
         rows.append(row)
-    return _markdown(heading, rows, left=3)
-
-
-def _plain(table: TableSpec, metric: str, lines: Sequence[Line]) -> str:
-    rows = [[_name(line), *(_cell(line.results[b], metric) for b in table.budgets)] for line in lines]
-    return _markdown(["row", *(f"B = {budget:g}" for budget in table.budgets)], rows)
+    return markdown_table(heading, rows, left=3)
 
 
 def _half(table: TableSpec, lines: Sequence[Line]) -> str:
@@ -128,14 +136,12 @@ def _compared(table: TableSpec, part: Part, lines: Sequence[Line], reference: st
         return []
 
     def cell(line: Line, budget: float) -> str:
-        values, others = (each.results[budget].values[table.metric] for each in (line, base))
-        test = paired(values, others)
-        return _difference(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
+        test = paired(*(each.results[budget].values[table.metric] for each in (line, base)))
+        sign = "" if test.mean < 0 else "+"
+        return sign + page.mean_and_error(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
 
-    rows = [[_name(line), *(cell(line, b) for b in table.budgets)] for line in lines if line is not base]
-    heading = ["row", *(f"B = {budget:g}" for budget in table.budgets)]
     title = f"{METRICS[table.metric]} minus that of `{reference}` on the same instances, {_missions(part)}:"
-    return [title, _markdown(heading, rows)]
+    return [title, _by_budget(table, (line for line in lines if line is not base), "row", _name, cell)]
 
 
 def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
@@ -155,8 +161,7 @@ def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
 
 def _made_on(lines: Sequence[Line]) -> str:
     """Machines and versions, each once."""
-    made = (made_on(result.machine, result.versions) for result in _results(lines))
-    return "Made on " + "; and on ".join(dict.fromkeys(made)) + "."
+    return f"Made on {page.made_on(*((result.machine, result.versions) for result in _results(lines)))}."
 
 
 def _results(lines: Iterable[Line]) -> Iterable[CellResult]:
@@ -168,14 +173,15 @@ def _trials(line: Line) -> int:
 
 
 def _name(line: Line, sample: Sample | None = None) -> str:
-    """The row's name; with a sample, also how many missions it has where these are fewer."""
-    fewer = sample is not None and _trials(line) != sample.trials
-    return f"`{line.row.name}`" + (f" ({sample.instances} x {_trials(line)})" if fewer and sample else "")
+    """The row's name."""
+    return _named(line, f"`{line.row.name}`", sample)
 
 
-def _described(line: Line, sample: Sample) -> str:
-    """The planner with its options, and how many missions it has where these are fewer."""
-    return line.row.label + (f" ({sample.instances} x {_trials(line)})" if _trials(line) != sample.trials else "")
+def _named(line: Line, name: str, sample: Sample | None) -> str:
+    """The name; with a sample, also how many missions the line has where these are fewer."""
+    if sample is None or _trials(line) == sample.trials:
+        return name
+    return f"{name} ({sample.instances} x {_trials(line)})"
 
 
 def _missions(part: Part) -> str:
@@ -184,22 +190,6 @@ def _missions(part: Part) -> str:
     return f"{scenario.agents} agents, length scale {scenario.length_scale:g}, {reach}"
 
 
-def _cell(result: CellResult, metric: str, *, std: bool = False) -> str:
-    summary = summarise(result.values[metric])
-    spread = f" ({f'{summary.std:#.2g}'.rstrip('.')})" if std and summary.std is not None else ""
-    return mean_and_error(summary.mean, summary.se) + spread
-
-
-def _difference(mean: float, se: float | None) -> str:
-    shown = mean_and_error(mean, se)
-    return shown if mean < 0 else f"+{shown}"
-
-
 def _probability(p: float) -> str:
     """Two digits, and no more zeros than one can read."""
     return f"p = {p:.2g}" if p >= 1e-4 else f"p < 1e{math.ceil(math.log10(p)):d}" if p > 0 else "p = 0"
-
-
-def _markdown(heading: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    ruler = ["---"] * left + ["---:"] * (len(heading) - left)
-    return "\n".join(f"| {' | '.join(row)} |" for row in [heading, ruler, *rows])

@@ -7,6 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from maipp.engine import Mission, Planner, draw_missions
+from maipp.markdown import typed
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
+
 
 @dataclass(frozen=True)
 class Row:
@@ -23,14 +28,17 @@ class Row:
     @property
     def label(self) -> str:
         """The planner and its options, as one would type them."""
-        return " ".join([f"`{self.planner}`", *(f"{key}={typed(value)}" for key, value in self.options.items())])
+        return f"`{self.planner}` {self.typed_options}".rstrip()
 
+    @property
+    def typed_options(self) -> str:
+        """The options as one would type them."""
+        return " ".join(f"{key}={typed(value)}" for key, value in self.options.items())
 
-def typed(value: Any) -> str:
-    """The value as one types it after `--set`."""
-    if isinstance(value, list | tuple):
-        return ",".join(map(typed, value))
-    return str(value).lower() if value is None or isinstance(value, bool) else str(value)
+    def drawn(self, scenario: Scenario, *, instances: int, seed: int) -> tuple[Planner, Mission]:
+        """The planner made for a scenario, and its missions: one for each instance."""
+        planner = make_planner(self.planner, scenario, self.options)
+        return planner, draw_missions(scenario, seed=seed, instances=instances, planner=planner)
 
 
 def _rrt(low: float, high: float) -> Row:

@@ -5,10 +5,11 @@ import pickle
 import signal
 import threading
 import traceback
+from contextlib import suppress
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from maipp.devices import use_one_core
 from maipp.errors import InputError
@@ -17,36 +18,18 @@ if TYPE_CHECKING:  # it imports JAX
     from maipp.benchmarks.cells import Cell
 
 
-class Progress(NamedTuple):
-    """How far the cell under way is."""
-
-    missions: int  # done
-
-
-class Done(NamedTuple):
-    """The cell is kept."""
-
-
-class Failed(NamedTuple):
-    """The cell cannot be computed."""
-
-    reason: str
-    by_input: bool  # an `InputError`, and the reason its words; otherwise the reason is a traceback
-
-
 def work(channel: Connection, folder: Path, core: int | None) -> None:
     """Compute the cells that come through the channel and keep them in the folder, until the channel is closed.
 
-    Answers with `Progress`, and then `Done` or `Failed`.
+    Answers with the number of missions done, now and then, and at last with None when the cell is kept, or with the
+    error: an `InputError`, or a `RuntimeError` of the traceback.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C meets the whole group; the parent ends its workers
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     use_one_core(core)
-    try:
+    with suppress(EOFError, BrokenPipeError):  # the parent needs no more
         while True:
-            _compute(channel, folder)
-    except (EOFError, BrokenPipeError):  # the parent needs no more
-        return
+            channel.send(_computed(channel, folder))
 
 
 def _end_with_the_parent() -> None:
@@ -55,6 +38,19 @@ def _end_with_the_parent() -> None:
     if parent is not None:
         wait([parent.sentinel])
         os._exit(1)
+
+
+def _computed(channel: Connection, folder: Path) -> Exception | None:
+    """Compute the next cell and keep it; gives the error where that cannot be done."""
+    message = channel.recv_bytes()
+    try:
+        _read(message).fill(folder, lambda missions, _: channel.send(missions))
+    except BrokenPipeError:
+        raise
+    except InputError as error:
+        return error
+    except Exception:
+        return RuntimeError(traceback.format_exc())
 
 
 def _read(message: bytes) -> "Cell":
@@ -66,18 +62,3 @@ def _read(message: bytes) -> "Cell":
             f"--workers: a process of its own cannot make the cell: {type(error).__name__}: {error}; put what it needs "
             "in a module that can be imported, or give --workers 0"
         ) from error
-
-
-def _compute(channel: Connection, folder: Path) -> None:
-    message = channel.recv_bytes()
-    try:
-        cell = _read(message)
-        cell.fill(folder, lambda missions, _: channel.send(Progress(missions)))
-        answer: Done | Failed = Done()
-    except BrokenPipeError:
-        raise
-    except InputError as error:
-        answer = Failed(str(error), by_input=True)
-    except Exception:
-        answer = Failed(traceback.format_exc(), by_input=False)
-    channel.send(answer)

@@ -5,7 +5,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import jax
 
 from maipp.benchmarks.cells import Cell
-from maipp.benchmarks.table_worker import Failed, Progress, work
+from maipp.benchmarks.table_worker import work
 from maipp.cgroup import memory_limit
 from maipp.devices import core_count, cores_here
 from maipp.errors import InputError
@@ -24,30 +23,15 @@ _MEMORY_OF_ONE = 2 << 30  # bytes that a worker may come to need: 1.4 GB was see
 Tell = Callable[[int, int], None]
 
 
-@dataclass
-class _Worker:
-    """A process, and the cell that it is at."""
-
-    process: SpawnProcess
-    channel: Connection
-    number: int = -1  # of the cell it is at; -1: none
-
-
 def default_workers() -> int:
     """One per core, fewer where memory would not do; none where JAX has an accelerator."""
     if jax.default_backend() != "cpu":
         return 0
-    memory = _memory()
-    return core_count() if memory is None else max(1, min(core_count(), memory // _MEMORY_OF_ONE))
-
-
-def _memory() -> int | None:
-    """Bytes that there are for this process; None where the system does not tell."""
     limit = memory_limit()
-    known = [] if limit is None else [limit]
-    with suppress(AttributeError, ValueError, OSError):
-        known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    return min(known, default=None)
+    memory = [] if limit is None else [limit]
+    with suppress(AttributeError, ValueError, OSError):  # where the system does not tell
+        memory.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return max(1, min(core_count(), *(size // _MEMORY_OF_ONE for size in memory)))
 
 
 def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, busy: Collection[Hashable]) -> int:
@@ -59,12 +43,10 @@ def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, bu
     nobody waits for long.
     """
     left = Counter(kinds[number] for number in waiting)
-    if last in left:
-        return max(number for number in waiting if kinds[number] == last)
-    fresh = [kind for kind in left if kind not in busy]
-    if fresh:
-        return max(number for number in waiting if kinds[number] == fresh[0])
-    most = max(left, key=lambda kind: left[kind])
+    own = [last] if last in left else [kind for kind in left if kind not in busy]
+    if own:
+        return max(number for number in waiting if kinds[number] == own[0])
+    (most, _), *_ = left.most_common(1)
     return min(number for number in waiting if kinds[number] == most)
 
 
@@ -80,16 +62,17 @@ def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: T
         cores = [None]
     kinds = [_kind(cell) for cell in missing]
     waiting = list(range(len(missing)))
-    team: list[_Worker] = []
+    team: dict[Connection, SpawnProcess] = {}
+    at: dict[Connection, int] = {}  # the number of the cell that a worker is at
 
-    def give(worker: _Worker) -> None:
-        last = kinds[worker.number] if worker.number >= 0 else None
-        others = {kinds[other.number] for other in team if other is not worker and other.number >= 0}
-        worker.number = choose(waiting, kinds, last, others)
-        waiting.remove(worker.number)
-        tell(worker.number, 0)
+    def give(channel: Connection) -> None:
+        last = kinds[at[channel]] if channel in at else None
+        others = {kinds[number] for other, number in at.items() if other is not channel}
+        number = at[channel] = choose(waiting, kinds, last, others)
+        waiting.remove(number)
+        tell(number, 0)
         with suppress(BrokenPipeError):  # it has ended, as waiting for its answer will tell
-            worker.channel.send(missing[worker.number])
+            channel.send(missing[number])
 
     try:
         for i in range(min(workers, len(missing))):
@@ -98,48 +81,45 @@ def fill_by_workers(missing: Sequence[Cell], folder: Path, workers: int, tell: T
             process = context.Process(target=work, args=(theirs, folder, core), daemon=True, name=f"maipp worker {i}")
             process.start()
             theirs.close()  # so that the channel ends when the worker does
-            team.append(_Worker(process, ours))
-            give(team[-1])
-        at_work = {worker.channel: worker for worker in team}
-        while at_work:
-            for channel in wait(at_work):
+            team[ours] = process
+            give(ours)
+        while at:
+            for channel in wait(at):
                 assert isinstance(channel, Connection)
-                worker = at_work[channel]
-                answer = _receive(worker, missing)
-                if isinstance(answer, Failed):
-                    raise InputError(answer.reason) if answer.by_input else RuntimeError(answer.reason)
-                if isinstance(answer, Progress):
-                    tell(worker.number, answer.missions)
-                    continue
-                tell(worker.number, missing[worker.number].missions)
-                if waiting:
-                    give(worker)
-                else:
-                    del at_work[channel]
+                number = at[channel]
+                try:
+                    answer = channel.recv()
+                except (EOFError, ConnectionResetError):
+                    raise _ended(team[channel], missing[number]) from None
+                if isinstance(answer, Exception):
+                    raise answer
+                tell(number, missing[number].missions if answer is None else answer)
+                if answer is None and waiting:
+                    give(channel)
+                elif answer is None:
+                    del at[channel]
     finally:
-        for worker in team:
-            worker.channel.close()
-            worker.process.terminate()
-        for worker in team:
-            worker.process.join()
+        for channel, process in team.items():
+            channel.close()
+            process.terminate()
+        for process in team.values():
+            process.join()
 
 
-def _receive(worker: _Worker, missing: Sequence[Cell]) -> object:
-    try:
-        return worker.channel.recv()
-    except (EOFError, ConnectionResetError):
-        worker.process.join()
-        cell, code = missing[worker.number], worker.process.exitcode or 0
-        who = f"--workers: the process that computed {cell.row.name}, budget {cell.budget:g},"
-        if code < 0:
-            raise InputError(
-                f"{who} was ended by signal {-code}, perhaps for want of memory; the same command goes on, give fewer "
-                "workers"
-            ) from None
-        raise InputError(
-            f"{who} ended by itself (exit code {code}), as its own words above say; a script that starts workers must "
-            'do so under `if __name__ == "__main__":`'
-        ) from None
+def _ended(process: SpawnProcess, cell: Cell) -> InputError:
+    """What to say of a worker that is no more."""
+    process.join()
+    code = process.exitcode or 0
+    who = f"--workers: the process that computed {cell.row.name}, budget {cell.budget:g},"
+    if code < 0:
+        return InputError(
+            f"{who} was ended by signal {-code}, perhaps for want of memory; the same command goes on, give fewer "
+            "workers"
+        )
+    return InputError(
+        f"{who} ended by itself (exit code {code}), as its own words above say; a script that starts workers must "
+        'do so under `if __name__ == "__main__":`'
+    )
 
 
 def _kind(cell: Cell) -> Hashable:

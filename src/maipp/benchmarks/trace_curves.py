@@ -7,12 +7,12 @@ import jax
 import numpy as np
 from jax import lax
 
-from maipp.benchmarks.table_rows import Row, typed
-from maipp.engine import Mission, State, draw_missions, run_missions
+from maipp.benchmarks.output import csv_text
+from maipp.benchmarks.table_rows import Row
+from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.observe import time_tolerance
 from maipp.engine.score import trace_over_time
-from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
 
@@ -30,13 +30,7 @@ def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> C
 
     All agents have speed 1 here, so the distance that an agent on its way has travelled is the time.
     """
-    planner = make_planner(row.planner, scenario, row.options)
-    missions = draw_missions(
-        scenario,
-        seed=seed,
-        instances=instances,
-        planner=planner,
-    )
+    planner, missions = row.drawn(scenario, instances=instances, seed=seed)
     states = run_missions(planner, missions, jax.random.key(seed))
     distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval
     # Times are sums of float32 legs: each instant includes all of its own measurements.
@@ -52,11 +46,12 @@ def _traces(missions: Mission, states: State, times: Float[Array, " d"]) -> Floa
 
 def curves_csv(curves: Sequence[Curve]) -> str:
     """Tidy CSV: a line for each row, instance and distance."""
-    lines = ["row,planner,options,instance,distance,trace"]
-    for curve in curves:
-        options = " ".join(f"{key}={typed(value)}" for key, value in curve.row.options.items())
-        options = f'"{options}"' if "," in options else options
-        for instance, traces in enumerate(curve.trace):
-            about = f"{curve.row.name},{curve.row.planner},{options},{instance}"
-            lines += [f"{about},{d:g},{np.float32(t)}" for d, t in zip(curve.distance, traces, strict=True)]
-    return "\n".join(lines) + "\n"
+    return csv_text(
+        ("row", "planner", "options", "instance", "distance", "trace"),
+        (
+            (curve.row.name, curve.row.planner, curve.row.typed_options, instance, f"{d:g}", f"{np.float32(trace)}")
+            for curve in curves
+            for instance, traces in enumerate(curve.trace)
+            for d, trace in zip(curve.distance, traces, strict=True)
+        ),
+    )

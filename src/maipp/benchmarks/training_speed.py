@@ -14,9 +14,11 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from maipp.benchmarks.machine import machine, made_on, versions
+from maipp.benchmarks.machine import machine, versions
+from maipp.benchmarks.page import made_on
 from maipp.devices import missions_devices, use_all_cores
 from maipp.errors import InputError
+from maipp.markdown import markdown_table
 from maipp.policy import PolicyNetwork
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import find_config, override
@@ -111,12 +113,12 @@ def main(flags: TrainingSpeed) -> int:
     """Print a table; gives the exit code."""
     try:
         config = override(find_config(flags.config), flags.settings)
-        print("| phase | sampling, decisions/s | gradients, decisions/s | share of a matrix product's speed |")
-        print("| --- | ---: | ---: | ---: |")
+        heading = ["phase", "sampling, decisions/s", "gradients, decisions/s", "share of a matrix product's speed"]
+        print(markdown_table(heading, []))
         for phase in PHASES:
             speed = training_speed(config, phase, flags.repeat)
             print(f"| {phase} | {speed.sampling:.0f} | {speed.gradients:.0f} | {speed.peak_share:.0%} |", flush=True)
-        print(f"\n{made_on(machine(), versions())}; a device's matrix product: {gemm_rate() / 1e9:.0f} GFLOP/s")
+        print(f"\n{made_on((machine(), versions()))}; a device's matrix product: {gemm_rate() / 1e9:.0f} GFLOP/s")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

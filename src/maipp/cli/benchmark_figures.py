@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from maipp.benchmarks.evaluate import check_counts
 from maipp.benchmarks.figure_files import Plan, write_figures
 from maipp.benchmarks.tables import TABLES
 from maipp.errors import InputError
@@ -36,8 +37,7 @@ class Figures:
 
 def run(flags: Figures) -> int:
     """Draw everything. Raises `InputError` for what is wrong."""
-    if flags.instances < 1:
-        raise InputError(f"--instances: {flags.instances} is not a number of instances; give a whole number >= 1")
+    check_counts("--", instances=flags.instances)
     check_seed(flags.seed, "--seed")
     if flags.budget < 1.0:
         raise InputError(f"--budget: {flags.budget:g} ends before agents have plans to draw; give at least 1")

@@ -7,9 +7,9 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from maipp.benchmarks.latency_files import LatencyPlan, write_latency
+from maipp.benchmarks.evaluate import check_counts
+from maipp.benchmarks.latency_run import LatencyPlan, write_latency
 from maipp.benchmarks.tables import TABLES
-from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
@@ -42,9 +42,7 @@ class Latency:
 
 def run(flags: Latency) -> int:
     """Time every row. Raises `InputError` for what is wrong."""
-    for name in ("decisions", "batch"):
-        if getattr(flags, name) < 1:
-            raise InputError(f"--{name}: {getattr(flags, name)} is not a number of them; give a whole number >= 1")
+    check_counts("--", decisions=flags.decisions, batch=flags.batch)
     check_seed(flags.seed, "--seed")
     rows = TABLES["table1"].chosen(flags.planners)
     scenario = Scenario(agents=flags.agents, budget=flags.budget)

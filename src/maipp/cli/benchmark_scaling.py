@@ -1,16 +1,18 @@
 """`maipp benchmark scaling`: time and memory of one decision against the size of the survey, and the belief's error."""
 
+import itertools
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from maipp.benchmarks.belief_error import BeliefError, belief_errors
-from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, scaling
-from maipp.benchmarks.scaling_report import read_json, write_json, write_report
+from maipp.benchmarks.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
+from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
+from maipp.benchmarks.scaling_report import add_missing, read_json, write_json, write_report
 from maipp.errors import InputError
 from maipp.planners import planner_options
 from maipp.seeds import check_seed
@@ -79,41 +81,24 @@ def _measure(flags: Scaling) -> None:
     settings = {key: value for key, value in vars(flags).items() if key != "out"}
     settings["planner"] = list(flags.planner)
     results = read_json(flags.out, settings)
+    common = {"capacity": flags.capacity, "seed": flags.seed}
 
     def costed(cost: Cost) -> None:
-        results.costs.append(cost)
         write_json(results, flags.out)
         size = f"{cost.agents} agents, {cost.measurements} measurements, grid {cost.grid}, {cost.nodes} nodes"
         notes.print(f"{cost.planner}: {size}: {cost.decision_ms:.1f} ms, {cost.memory_mb:.1f} MB", style="dim")
 
     def erred(error: BeliefError) -> None:
-        results.errors.append(error)
         write_json(results, flags.out)
         kind = f"{error.measurements} measurements, interval {error.interval:g}, length scale {error.length_scale:g}"
         notes.print(f"error of Tr(P): {kind}: {100 * error.error:.3f} %", style="dim")
 
-    scaling(
-        flags.planner,
-        axes=_QUICK_AXES if flags.quick else AXES,
-        base=BASE,
-        largest=_QUICK_LARGEST if flags.quick else LARGEST,
-        length_scale=flags.length_scale,
-        capacity=flags.capacity,
-        least=flags.decisions,
-        seed=flags.seed,
-        done=tuple(results.costs),
-        report=costed,
-    )
+    sizes = (_QUICK_AXES, BASE, _QUICK_LARGEST) if flags.quick else (AXES, BASE, LARGEST)
+    cost = partial(measure, length_scale=flags.length_scale, least=flags.decisions, **common)
+    add_missing(results.costs, points(flags.planner, *sizes), cost, costed)
     if flags.surveys:
-        counts = (1500,) if flags.quick else (1500, 5000)
-        belief_errors(
-            counts=counts,
-            surveys=flags.surveys,
-            seed=flags.seed,
-            capacity=flags.capacity,
-            done=tuple(results.errors),
-            report=erred,
-        )
+        kinds = itertools.product(COUNTS[:1] if flags.quick else COUNTS, INTERVALS, LENGTH_SCALES)
+        add_missing(results.errors, kinds, partial(belief_error, surveys=flags.surveys, **common), erred)
     for path in write_report(results, flags.out):
         notes.print(f"wrote {path}")
 

@@ -10,7 +10,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from maipp.benchmarks.cells import Cell
+from maipp.benchmarks.evaluate import check_counts
 from maipp.benchmarks.table_files import write_table
+from maipp.benchmarks.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
 from maipp.benchmarks.table_run import Sample, cells, fill, share
 from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
@@ -125,13 +127,11 @@ def _sample(flags: TableFlags) -> Sample:
     """How many missions. Raises `InputError` where the flags contradict each other."""
     if flags.quick and (flags.instances, flags.trials) != (None, None):
         raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")
-    for name in ("instances", "trials"):
-        count = getattr(flags, name)
-        if count is not None and count < 1:
-            raise InputError(f"--{name}: {count} is not a number of {name}; give a whole number >= 1")
+    sample = QUICK_SAMPLE if flags.quick else DEFAULT_SAMPLE
+    given = {name: getattr(flags, name) for name in ("instances", "trials") if getattr(flags, name) is not None}
+    check_counts("--", **given)
     check_seed(flags.seed, "--seed")
-    trials = 1 if flags.quick else 10
-    return Sample(flags.instances or 30, flags.trials or trials, flags.seed)
+    return sample._replace(**given, seed=flags.seed)
 
 
 def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes: Console) -> int:
