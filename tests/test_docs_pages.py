@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from maipp.benchmarks.evaluate import message_bytes
-from maipp.cli.planners import _typed
 from maipp.engine import State
+from maipp.markdown import typed
 from maipp.planners import make_planner, planner_class, planner_names, planner_options
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.scenario import Scenario
@@ -63,7 +63,7 @@ def test_every_planner_has_its_section_and_its_line():
 @pytest.mark.parametrize("name", planner_names())
 def test_options_and_defaults_are_the_planner_s(name):
     described = [(cells[0].strip("`"), cells[1].strip("`")) for cells in rows(section(PLANNERS, f"`{name}`"))]
-    assert described == [(option.name, _typed(option.default)) for option in planner_options(name)]
+    assert described == [(option.name, typed(option.default)) for option in planner_options(name)]
 
 
 @pytest.mark.parametrize("name", planner_names())

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.benchmarks.baseline import BASELINE, Hot, compare, kernel_seconds, load_baseline, save_baseline, slower
-from maipp.benchmarks.bench import PLANNERS
+from maipp.benchmarks.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
+from maipp.benchmarks.bench import PLANNERS, Timing
 from maipp.errors import InputError
 
-FOUND = [Hot("greedy", "decision", 0.002, 0.001), Hot("greedy", "episode", 0.03, 0.001)]
+FOUND = {"greedy": {"decision": 2.0, "episode": 30.0}}
 
 
 @pytest.fixture
@@ -21,14 +21,15 @@ def kept(tmp_path):
 
 @given(st.floats(0.01, 100.0))
 def test_the_speed_of_the_machine_cancels(speed):
-    baseline = {"multiples": {"greedy": {"decision": 2.0, "episode": 30.0}}}
-    rows = compare([Hot(h.planner, h.path, h.seconds * speed, h.kernel_s * speed) for h in FOUND], baseline)
-    assert [row.change for row in rows] == pytest.approx([1.0, 1.0])
-    assert slower(rows, 1.01) == []
+    timing = Timing("greedy", *(number * speed for number in (2.0, 3.0, 30.0, 500.0, 6.0)))
+    multiples = timing.multiples(0.001 * speed)
+    assert multiples == pytest.approx({"decision": 2.0, "episode": 30.0, "batched decision": 0.5})
+    rows = compare({"greedy": multiples}, {"multiples": {"greedy": {"decision": 2.0, "episode": 30.0}}})
+    assert [row.change for row in rows[:2]] == pytest.approx([1.0, 1.0]) and slower(rows, 1.01) == []
 
 
 def test_what_grew_is_told(kept):
-    rows = compare([Hot("greedy", "decision", 0.003, 0.001), Hot("random", "decision", 1.0, 0.001)], kept)
+    rows = compare({"greedy": {"decision": 3.0}, "random": {"decision": 1000.0}}, kept)
     assert [(row.planner, row.change) for row in rows] == [("greedy", pytest.approx(1.5)), ("random", None)]
     assert [row.planner for row in slower(rows, 1.25)] == ["greedy"]
     assert slower(rows, 1.6) == []
@@ -36,7 +37,7 @@ def test_what_grew_is_told(kept):
 
 def test_an_update_keeps_what_was_not_timed(tmp_path, kept):
     path = tmp_path / "baseline.json"
-    save_baseline([Hot("greedy", "decision", 0.004, 0.001), Hot("random", "decision", 0.001, 0.001)], path)
+    save_baseline({"greedy": {"decision": 4.00004}, "random": {"decision": 1.0}}, path)
     assert load_baseline(path)["multiples"] == {
         "greedy": {"decision": 4.0, "episode": 30.0},
         "random": {"decision": 1.0},

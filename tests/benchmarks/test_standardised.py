@@ -10,12 +10,21 @@ import pytest
 from maipp.benchmarks.evaluate import summarise
 from maipp.benchmarks.page import mean_and_error
 from maipp.benchmarks.prior_worlds import PriorCell, prior_missions
-from maipp.benchmarks.standardised import Standardised, cells, fill, initial_trace, main, read, table
+from maipp.benchmarks.standardised import Standardised, initial_trace, main, spec, table
+from maipp.benchmarks.table_run import Sample, cells, fill, read
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 
 TINY = Scenario(agents=2, grid=8, nodes=12, neighbours=4, measurement_interval=1.0)
+
+
+SAMPLE = Sample(3, 1, 0)
+
+
+def every_cell(flags):
+    table = spec(flags, TINY)
+    return list(cells(table, table.rows, SAMPLE))
 
 
 def flags(out, **changes):
@@ -26,7 +35,7 @@ def flags(out, **changes):
 
 def test_the_files_hold_every_cell_and_are_made_once(tmp_path, capsys):
     assert main(flags(tmp_path), TINY) == 0
-    every = list(cells(flags(tmp_path), TINY))
+    every = every_cell(flags(tmp_path))
     assert len(every) == 4 and all(cell.scenario.extent == (1.0, 0.5) for cell in every)
     page = (tmp_path / "standardised.md").read_text()
     rows = list(csv.DictReader((tmp_path / "standardised.csv").open()))
@@ -47,9 +56,10 @@ def test_the_files_hold_every_cell_and_are_made_once(tmp_path, capsys):
     assert "1/4" not in capsys.readouterr().err
     assert sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "cells").iterdir()) == before
     # What is not there yet stays empty.
-    more = list(cells(flags(tmp_path, planners=("random", "greedy")), TINY))
-    fill(more[:3], tmp_path, print)
-    assert "| `random` | `greedy` |" in table(read(more, tmp_path)) and "|  |" in table(read(more, tmp_path))
+    more = spec(flags(tmp_path, planners=("random", "greedy")), TINY)
+    fill(list(cells(more, more.rows, SAMPLE))[:4], tmp_path)
+    page = table(more, read(more, tmp_path, SAMPLE), SAMPLE)
+    assert "| `random` | `greedy` |" in page and "|  |" in page
 
 
 def test_worlds_are_draws_of_the_prior_and_the_same_for_all():
@@ -75,7 +85,7 @@ def test_initial_trace_is_the_prior_s():
 
 
 def test_cells_differ_by_their_worlds(tmp_path):
-    prior, mixture = (next(cells(flags(tmp_path, worlds=worlds), TINY)) for worlds in ("prior", "mixture"))
+    prior, mixture = (every_cell(flags(tmp_path, worlds=worlds))[0] for worlds in ("prior", "mixture"))
     assert isinstance(prior, PriorCell) and not isinstance(mixture, PriorCell) and prior.file != mixture.file
 
 
@@ -91,14 +101,13 @@ def test_cells_differ_by_their_worlds(tmp_path):
 )
 def test_bad_flags_give_one_line(change, problem, tmp_path, capsys):
     with pytest.raises(InputError, match=problem):
-        list(cells(flags(tmp_path, **change), TINY))
+        spec(flags(tmp_path, **change), TINY)
     assert main(flags(tmp_path, **change), TINY) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_an_empty_folder_has_no_table(tmp_path):
-    with pytest.raises(InputError, match="holds no cell"):
-        read(list(cells(flags(tmp_path), TINY)), tmp_path)
-    fill([], tmp_path, print)
+    assert read(spec(flags(tmp_path), TINY), tmp_path, SAMPLE) == []
+    fill([], tmp_path)
     assert not list(tmp_path.iterdir())

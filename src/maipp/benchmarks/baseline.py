@@ -20,13 +20,7 @@ _FORMAT = "maipp-bench-baseline"
 _POINTS, _QUERIES, _ROUNDS = 48, 900, 40  # a team's measurements, the grid, repetitions in one call
 
 
-class Hot(NamedTuple):
-    """One hot path of one planner: what is compared."""
-
-    planner: str
-    path: str
-    seconds: float
-    kernel_s: float  # the kernel beside it, measured in the same minute
+Multiples = dict[str, dict[str, float]]  # by planner and hot path: its time as a multiple of the kernel's
 
 
 class Compared(NamedTuple):
@@ -64,13 +58,13 @@ def kernel_seconds(repeat: int = 15) -> float:
     return statistics.median(timeit.repeat(lambda: jax.block_until_ready(rounds(points)), number=1, repeat=repeat))
 
 
-def compare(found: Sequence[Hot], baseline: Mapping[str, Any]) -> list[Compared]:
+def compare(found: Multiples, baseline: Mapping[str, Any]) -> list[Compared]:
     """Every hot path beside what the baseline has of it."""
     rows = []
-    for hot in found:
-        multiple = hot.seconds / hot.kernel_s
-        before = baseline["multiples"].get(hot.planner, {}).get(hot.path)
-        rows.append(Compared(hot.planner, hot.path, multiple, before, None if before is None else multiple / before))
+    for planner, paths in found.items():
+        for path, multiple in paths.items():
+            before = baseline["multiples"].get(planner, {}).get(path)
+            rows.append(Compared(planner, path, multiple, before, None if before is None else multiple / before))
     return rows
 
 
@@ -92,10 +86,10 @@ def load_baseline(path: Path) -> dict[str, Any]:
     return document
 
 
-def save_baseline(found: Sequence[Hot], path: Path) -> None:
-    """Keep these times as the baseline; planners that were not timed keep theirs."""
+def save_baseline(found: Multiples, path: Path) -> None:
+    """Keep these as the baseline; what was not timed keeps its own."""
     multiples = load_baseline(path)["multiples"]
-    for hot in found:
-        multiples.setdefault(hot.planner, {})[hot.path] = float(f"{hot.seconds / hot.kernel_s:.4g}")
+    for planner, paths in found.items():
+        multiples.setdefault(planner, {}).update({name: float(f"{multiple:.4g}") for name, multiple in paths.items()})
     document = {"format": _FORMAT, "machine": machine(), "versions": versions(), "multiples": multiples}
     write_atomic(path, json.dumps(document, indent=1) + "\n")

@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.benchmarks.baseline import BASELINE, Hot, compare, kernel_seconds, load_baseline, save_baseline, slower
+from maipp.benchmarks.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
@@ -73,11 +73,11 @@ class Timing(NamedTuple):
     batch_decision_us: float  # per decision, all missions of the batch together
     batch_episode_ms: float  # per mission of the batch
 
-    @property
-    def hot_paths(self) -> dict[str, float]:
-        """What is compared with the baseline, seconds."""
+    def multiples(self, kernel_s: float) -> dict[str, float]:
+        """What is compared with the baseline: the hot paths, as multiples of a kernel's seconds."""
         alone, batched = self.decision_ms / 1e3, self.batch_decision_us / 1e6
-        return {"decision": alone, "episode": self.episode_ms / 1e3, "batched decision": batched}
+        seconds = {"decision": alone, "episode": self.episode_ms / 1e3, "batched decision": batched}
+        return {path: time / kernel_s for path, time in seconds.items()}
 
 
 def pin_to_one_core() -> None:
@@ -129,7 +129,7 @@ def main(bench: Bench) -> int:
         f"{here['cpu']}, {here['cores']} core used, {here['backend']}, {here['precision']}, "
         f"jax {releases['jax']}, python {releases['python']}"
     )
-    timings, hot = [], []
+    timings, hot = [], {}
     kernel_s = kernel_seconds()
     for name in bench.planner:
         timing = time_planner(name, Scenario(), missions=missions, repeat=repeat)
@@ -137,7 +137,7 @@ def main(bench: Bench) -> int:
         console.print(f"timed {name}", style="dim")
         # The kernel before and after: a machine that grows busy meanwhile slows both.
         previous, kernel_s = kernel_s, kernel_seconds()
-        hot += [Hot(name, path, seconds, (previous + kernel_s) / 2) for path, seconds in timing.hot_paths.items()]
+        hot[name] = timing.multiples((previous + kernel_s) / 2)
     headings = ("planner", "decision ms", "p95 ms", "episode ms", "batched decision us", "batched episode ms")
     lines = [[timing.planner, *(f"{value:,.2f}" for value in timing[1:])] for timing in timings]
     whole = _table(f"medians; batch of {missions} missions", headings, lines)

@@ -35,7 +35,7 @@ def table_page(
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
     seconds = sum(result.wall_s * result.machine["devices"] for result in _results(lines))
     blocks.append(page.code(command(table, lines, sample, out, reference)))
-    blocks += [_made_on(lines), page.device_time(seconds, "the cells above")]
+    blocks += [made_on(lines), page.device_time(seconds, "the cells above")]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
@@ -50,7 +50,7 @@ def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: 
     trials = f"{sample.trials} trial{'s' * (sample.trials > 1)}"
     blocks.append(
         f"Mean ± standard error over {sample.instances} instances of {trials} each, seed {sample.seed}, unless said; "
-        f"lower is better. {_made_on(lines)}"
+        f"lower is better. {made_on(lines)}"
     )
     blocks.append(page.code(command(table, lines, sample, out, table.reference)))
     return "\n\n".join(blocks) + "\n"
@@ -159,7 +159,7 @@ def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
     return " ".join(words)
 
 
-def _made_on(lines: Sequence[Line]) -> str:
+def made_on(lines: Sequence[Line]) -> str:
     """Machines and versions, each once."""
     return f"Made on {page.made_on(*((result.machine, result.versions) for result in _results(lines)))}."
 

@@ -35,7 +35,8 @@ class Line:
 def cell(table: TableSpec, part: Part, row: Row, budget: float, sample: Sample) -> Cell:
     """The cell of a row at a budget."""
     trials = min(sample.trials, row.most_trials or sample.trials)
-    return Cell(row, part.scenario.replace(budget=budget), sample.instances, trials, sample.seed, table.shape)
+    scenario = part.scenario.replace(budget=budget)
+    return table.kind(row, scenario, sample.instances, trials, sample.seed, table.shape(part))
 
 
 def cells(table: TableSpec, rows: Sequence[Row], sample: Sample) -> Iterator[Cell]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from maipp.benchmarks import paper
+from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.table_rows import (
     CATNIPP,
     DI,
@@ -44,11 +45,12 @@ class TableSpec:
     beside: tuple[str, ...] = ("true_trace", "rmse")  # further ones that are tabulated
     reference: str = TI_STAR.name  # the line that the others are paired with
     left_out: Mapping[str, str] = field(default_factory=dict)  # lines of other tables that this one lacks, and why
+    kind: type[Cell] = Cell  # how the worlds are drawn
 
-    @property
-    def shape(self) -> Shape:
-        """That all cells fit: each line is compiled once."""
-        return shape_of([part.scenario.replace(budget=budget) for part in self.parts for budget in self.budgets])
+    def shape(self, part: Part) -> Shape:
+        """That all cells over areas like the part's fit: each line is compiled once for them."""
+        like = [other.scenario for other in self.parts if other.scenario.extent == part.scenario.extent]
+        return shape_of([scenario.replace(budget=budget) for scenario in like for budget in self.budgets])
 
     def chosen(self, names: Sequence[str]) -> tuple[Row, ...]:
         """The lines of these names or, where no line has the name, of the planner of that name.

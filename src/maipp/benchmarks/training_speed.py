@@ -6,6 +6,7 @@ matrix product in the same time.
 
 import sys
 import time
+import timeit
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
@@ -101,12 +102,8 @@ def gemm_rate() -> float:
     a = jnp.ones((_GEMM, _GEMM), jnp.float32)
     product: Callable[[jax.Array], Any] = jax.jit(lambda a: a @ a)
     jax.block_until_ready(product(a))
-    times = []
-    for _ in range(8):
-        begun = time.perf_counter()
-        jax.block_until_ready(product(a))
-        times.append(time.perf_counter() - begun)
-    return 2.0 * _GEMM**3 / min(times)
+    seconds = timeit.repeat(lambda: jax.block_until_ready(product(a)), number=1, repeat=8)
+    return 2.0 * _GEMM**3 / min(seconds)
 
 
 def main(flags: TrainingSpeed) -> int:

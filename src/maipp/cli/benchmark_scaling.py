@@ -11,6 +11,7 @@ import tyro
 from rich.console import Console
 
 from maipp.benchmarks.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
+from maipp.benchmarks.output import make_folder
 from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
 from maipp.benchmarks.scaling_report import add_missing, read_json, write_json, write_report
 from maipp.errors import InputError
@@ -59,10 +60,7 @@ class Scaling:
 def run(flags: Scaling) -> int:
     """Measure, write the files, print where; raises `InputError` for a bad flag or a folder that cannot be written."""
     _check(flags)
-    try:
-        flags.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: cannot make {flags.out}: {error.strerror or error}") from None
+    make_folder(flags.out)
     import jax
 
     kept = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
