@@ -31,7 +31,7 @@ def default_workers() -> int:
     memory = [] if limit is None else [limit]
     with suppress(AttributeError, ValueError, OSError):  # where the system does not tell
         memory.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    return max(1, min(core_count(), *(size // _MEMORY_OF_ONE for size in memory)))
+    return max(1, min([core_count(), *(size // _MEMORY_OF_ONE for size in memory)]))
 
 
 def choose(waiting: Sequence[int], kinds: Sequence[Hashable], last: Hashable, busy: Collection[Hashable]) -> int:
