@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from maipp.benchmarks.evaluate import check_counts
 from maipp.benchmarks.figure_files import Plan, write_figures
 from maipp.benchmarks.tables import TABLES
+from maipp.cli.notes import notes_console
 from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -43,7 +43,7 @@ def run(flags: Figures) -> int:
         raise InputError(f"--budget: {flags.budget:g} ends before agents have plans to draw; give at least 1")
     rows = TABLES["table1"].chosen(flags.planners) if flags.planners else Plan().rows
     plan = Plan(Scenario(budget=flags.budget), flags.instances, flags.seed, rows)
-    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    notes = notes_console()
     for path in write_figures(plan, flags.out, told=notes.print):
         print(f"wrote {path}")
     return 0

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from maipp.benchmarks.evaluate import check_counts
 from maipp.benchmarks.latency_run import LatencyPlan, write_latency
 from maipp.benchmarks.tables import TABLES
+from maipp.cli.notes import notes_console
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
@@ -47,7 +47,7 @@ def run(flags: Latency) -> int:
     rows = TABLES["table1"].chosen(flags.planners)
     scenario = Scenario(agents=flags.agents, budget=flags.budget)
     plan = LatencyPlan(scenario, rows, flags.decisions, flags.batch, flags.seed)
-    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    notes = notes_console()
     for path in write_latency(plan, flags.out, told=notes.print):
         print(f"wrote {path}")
     return 0

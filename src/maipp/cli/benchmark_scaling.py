@@ -1,19 +1,18 @@
 """`maipp benchmark scaling`: time and memory of one decision against the size of the survey, and the belief's error."""
 
 import itertools
-import sys
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from maipp.benchmarks.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
 from maipp.benchmarks.output import make_folder
 from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
 from maipp.benchmarks.scaling_report import add_missing, read_json, write_json, write_report
+from maipp.cli.notes import notes_console
 from maipp.errors import InputError
 from maipp.planners import planner_options
 from maipp.seeds import check_seed
@@ -75,7 +74,7 @@ def run(flags: Scaling) -> int:
 
 def _measure(flags: Scaling) -> None:
     """Measure what is not done yet, and write the files."""
-    notes = Console(file=sys.stderr, highlight=False, soft_wrap=True)
+    notes = notes_console()
     settings = {key: value for key, value in vars(flags).items() if key != "out"}
     settings["planner"] = list(flags.planner)
     results = read_json(flags.out, settings)

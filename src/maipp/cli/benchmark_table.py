@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.evaluate import check_counts
@@ -16,6 +15,7 @@ from maipp.benchmarks.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
 from maipp.benchmarks.table_run import Sample, cells, fill, share
 from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
+from maipp.cli.notes import counting_bar, notes_console
 from maipp.errors import InputError
 from maipp.records import unknown
 from maipp.seeds import check_seed
@@ -107,7 +107,7 @@ def run(flags: TableFlags) -> int:
     if flags.workers is not None and flags.workers < 0:
         raise InputError(f"--workers: {flags.workers} is negative; give a whole number >= 0")
     workers = default_workers() if flags.workers is None else flags.workers
-    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    notes = notes_console()
     begun = time.monotonic()
     try:
         computed = _fill(table, every, flags.out, workers, notes)
@@ -136,15 +136,7 @@ def _sample(flags: TableFlags) -> Sample:
 
 def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes: Console) -> int:
     """Compute what is missing, with a bar, or a line for each cell where there is no terminal."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("cells"),
-        TimeElapsedColumn(),
-        console=notes,
-        disable=not notes.is_terminal,
-    ) as bar:
+    with counting_bar(notes, "cells") as bar:
         task = bar.add_task(table.name, total=None)
         shares: dict[int, float] = {}  # of each cell begun, how much is done
 

@@ -9,10 +9,11 @@ from typing import Annotated
 import tyro
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
+from maipp.benchmarks.page import three
+from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
@@ -63,19 +64,11 @@ def run(flags: Evaluate) -> int:
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable(Path(str(flags.json)))
-    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    notes = notes_console()
     done: list[Evaluation] = []
     code, refused = 0, None
     try:
-        with Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("missions"),
-            TimeElapsedColumn(),
-            console=notes,
-            disable=not notes.is_terminal,
-        ) as bar:
+        with counting_bar(notes, "missions") as bar:
             each = flags.instances * flags.trials
             task = bar.add_task("", total=len(rows) * each)
             for planner, scenario, options in rows:
@@ -101,8 +94,6 @@ def run(flags: Evaluate) -> int:
         code = INTERRUPTED
     except InputError as error:  # a row that cannot be scored must not take those that are done with it
         refused = error
-    if refused is not None and not done:
-        raise refused
     if not done:
         if refused is not None:
             raise refused
@@ -191,7 +182,7 @@ def _number(value: float | None) -> str:
     """Three significant digits, without an exponent where that is readable."""
     if value is None:
         return "-"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".")
+    return f"{value:.0f}" if abs(value) >= 1000 else three(value)
 
 
 def _budget(scenario: Scenario) -> str:

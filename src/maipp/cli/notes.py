@@ -1,0 +1,15 @@
+"""What commands say beside their results: lines and bars on standard error."""
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+
+def notes_console() -> Console:
+    """Standard error as it is: nothing highlighted, long lines left to the terminal."""
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def counting_bar(notes: Console, unit: str) -> Progress:
+    """A bar with what is worked on, how many units are done, and the time; nothing where there is no terminal."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit), TimeElapsedColumn()
+    return Progress(*columns, console=notes, disable=not notes.is_terminal)
