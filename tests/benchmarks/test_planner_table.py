@@ -1,7 +1,6 @@
 """The Markdown tables: the numbers of the files, and commands that give these files again."""
 
 import json
-import math
 import re
 import shlex
 from dataclasses import replace
@@ -9,11 +8,8 @@ from pathlib import Path
 
 import pytest
 import tyro
-from hypothesis import given
-from hypothesis import strategies as st
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations
-from maipp.benchmarks.page import mean_and_error
 from maipp.benchmarks.planner_table import END, START, PlannerTable, main, planner_table, read_results
 from maipp.cli.evaluate import Evaluate, _rows
 from maipp.errors import InputError
@@ -96,14 +92,6 @@ def test_results_of_different_size_are_not_mixed(evaluations, tmp_path):
 def test_a_cell_that_two_results_claim_is_told(file):
     with pytest.raises(InputError, match=r"`random` at budget 0\.6 is there twice"):
         planner_table(read_results([file, file]))
-
-
-@given(st.floats(0.01, 900), st.floats(1e-4, 50))
-def test_mean_and_error_lose_nothing_that_the_error_shows(mean, se):
-    shown_mean, shown_se = map(float, mean_and_error(mean, se).split(" ± "))
-    assert abs(shown_mean - mean) <= 0.051 * se
-    assert shown_se == pytest.approx(se, rel=0.051)
-    assert math.isclose(float(mean_and_error(mean, None)), mean, rel_tol=0.006)
 
 
 def test_the_page_is_changed_between_its_marks_alone(file, tmp_path, capsys):
