@@ -38,7 +38,7 @@ docs: $(VENV)/.installed-dev ## build the documentation site into out/site, warn
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 bench: $(VENV)/.installed ## time the hot paths on one core, beside the baseline (make bench BENCH=--strict)
-	$(PIN) $(BIN)/python -m maipp.benchmarks.bench $(BENCH)
+	$(PIN) $(BIN)/python -m tests.tools.bench $(BENCH)
 
 clean: ## remove the environment, caches and build products (out/ stays, but for demo and site)
 	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo out/site

@@ -5,11 +5,11 @@ from functools import partial
 import jax
 import numpy as np
 
-from maipp.benchmarks.bench import time_planner
 from maipp.benchmarks.latency import compiled_anew, decision_seconds, decision_time
 from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
+from tests.tools.bench import time_planner
 
 SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
 

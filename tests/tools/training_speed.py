@@ -1,4 +1,4 @@
-"""`python -m maipp.benchmarks.training_speed`: decisions per second while training, sampling and gradients apart.
+"""`python -m tests.tools.training_speed`: decisions per second while training, sampling and gradients apart.
 
 And what share of the machine's arithmetic the gradients use: their operations, counted by hand, against those of a
 matrix product in the same time.
@@ -124,4 +124,4 @@ def main(flags: TrainingSpeed) -> int:
 
 if __name__ == "__main__":
     use_all_cores()
-    sys.exit(main(tyro.cli(TrainingSpeed, prog="python -m maipp.benchmarks.training_speed")))
+    sys.exit(main(tyro.cli(TrainingSpeed, prog="python -m tests.tools.training_speed")))

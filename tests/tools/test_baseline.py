@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.benchmarks.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
-from maipp.benchmarks.bench import PLANNERS, Timing
 from maipp.errors import InputError
+from tests.tools.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
+from tests.tools.bench import PLANNERS, Timing
 
 FOUND = {"greedy": {"decision": 2.0, "episode": 30.0}}
 

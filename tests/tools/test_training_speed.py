@@ -3,10 +3,10 @@
 import jax
 import pytest
 
-from maipp.benchmarks.training_speed import PHASES, TrainingSpeed, forward_operations, main, training_speed
 from maipp.errors import InputError
 from maipp.policy import PolicyNetwork
 from maipp.training.config import TrainConfig
+from tests.tools.training_speed import PHASES, TrainingSpeed, forward_operations, main, training_speed
 
 TINY = TrainConfig(
     agents=2, budget=(0.6, 0.8), bank=1, shards=1, missions=2, events=2, minibatch=4, paths=1, steps=1, search_paths=2,

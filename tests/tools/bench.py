@@ -1,4 +1,4 @@
-"""`python -m maipp.benchmarks.bench`: time of a decision on one core, alone and in a batch (`make bench`).
+"""`python -m tests.tools.bench`: time of a decision on one core, alone and in a batch (`make bench`).
 
 The times are compared, as multiples of a fixed kernel, with those in `baseline.json`.
 """
@@ -17,10 +17,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.benchmarks.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
 from maipp.benchmarks.machine import machine, versions
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
+from tests.tools.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
 
 PLANNERS = ("lawnmower", "greedy", "shared-greedy", "sga-rrt", "receding-horizon")
 
@@ -187,7 +187,7 @@ def _table(title: str, headings: Sequence[str], lines: Iterable[Sequence[str]], 
 
 if __name__ == "__main__":
     try:
-        sys.exit(main(tyro.cli(Bench, prog="python -m maipp.benchmarks.bench")))
+        sys.exit(main(tyro.cli(Bench, prog="python -m tests.tools.bench")))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

@@ -1,6 +1,6 @@
 """The table of all keys of a training configuration, for docs/training.md.
 
-`python -m maipp.training.config_table PAGE` writes it between the page's two `keys` markers.
+`python -m tests.tools.config_table PAGE` writes it between the page's two `keys` markers.
 """
 
 import sys
