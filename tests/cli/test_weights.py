@@ -79,7 +79,7 @@ def test_what_is_wrong_with_the_file_is_one_line(command, weights, tmp_path, cap
     text.with_suffix(".json").write_text("{}", encoding="utf-8")
     for path, problem in (
         (short, "short.safetensors: not a safetensors file, or cut short"),
-        (text, "text.json: schema is missing"),
+        (text, "text.json: architecture: missing"),
         (tmp_path / "nowhere.safetensors", "nowhere.json: cannot be read"),
         (weights.with_suffix(".json"), "or a .safetensors file"),
     ):

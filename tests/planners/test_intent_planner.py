@@ -329,7 +329,7 @@ def test_other_roadmaps_float64_and_a_lone_agent_need_no_other_network(tiny):
         ({"temperature": 0.0}, "temperature=0.0: give a number > 0"),
         ({"paths": 0}, "paths=0: give a whole number >= 1"),
         ({"steps": -1}, "steps=-1: give a whole number >= 1"),
-        ({"intent": "hidden"}, "give one of trajectory, destination"),
+        ({"intent": "hidden"}, "intent: 'hidden' is not one of trajectory, destination"),
         ({"weights": "best"}, "weights 'best': give ti, sga-catnipp, untrained, or a .safetensors file"),
     ],
 )

@@ -11,6 +11,7 @@ from jax import lax
 
 from maipp.problem import ScenarioLike
 from maipp.roadmap import Zones
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float
 
 # Ways on a roadmap are this much longer than straight ones (20 neighbours of 200 nodes: some 5 %), with some reserve.
@@ -56,8 +57,9 @@ def in_time(
 ) -> Bool[Array, " k"]:
     """Of the allowed targets those from which the agent makes the meeting; the one nearest to it where none does."""
     left = jnp.where(allowed, spare(meeting, start, targets, remaining), -jnp.inf)
-    # An agent that cannot be there in time still hurries: others may be later, too.
-    return allowed & (left >= jnp.minimum(jnp.max(left), 0.0))
+    # An agent that cannot be there in time still hurries: others may be later, too. Compiled, the same number may round
+    # differently in two places, and without a tolerance no target might be as good as the best.
+    return allowed & (left >= jnp.minimum(jnp.max(left), 0.0) - DISTANCE_TOLERANCE)
 
 
 def lateness(
