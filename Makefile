@@ -23,11 +23,12 @@ help: ## list the targets
 demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
 	$(BIN)/python -m maipp.cli.demo --out out/demo
 
-# A file's tests share what they compile, so one worker runs a whole file.
+# A file's tests share what they compile, so one worker runs a whole file; files with slow tests come first, so that no
+# worker waits for one at the end (tests/conftest.py).
 WORKERS ?= 2
 
 test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
-	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile)
+	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder)
 
 lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
 	$(BIN)/ruff check src tests

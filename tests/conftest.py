@@ -57,6 +57,12 @@ MAPS = Path("/proc/self/maps")
 MOST_MAPS = 30_000  # Linux allows a process 65,530 by default, and LLVM dies without a word beyond
 
 
+def pytest_collection_modifyitems(items):
+    """Files with slow tests first: at the end, one worker would wait for them."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _room_for_compiled_code():
     """Forget what earlier modules compiled before its many small mappings of memory are too many."""
