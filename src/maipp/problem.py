@@ -33,6 +33,7 @@ class Shape:
     last_leg: str
     limited: bool  # whether the range of any radio may be limited
     has_zones: bool  # whether there are no-go zones
+    homes: int  # places of which each agent ends at one; 0: it may end anywhere
     finest_interval: float  # shortest measurement interval that look-aheads have room for, domain units
     usual_edge: float  # length of a roadmap's edge that they have room for, domain units
 
@@ -44,7 +45,7 @@ def shape_of(scenarios: Scenario | Sequence[Scenario], *, slots: int | None = No
     """
     rows = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
     first = rows[0]
-    for name in ("agents", "grid", "nodes", "neighbours", "belief_capacity", "has_zones", *_RULES):
+    for name in ("agents", "grid", "nodes", "neighbours", "belief_capacity", "has_zones", "homes", *_RULES):
         values = {getattr(each, name) for each in rows}
         if len(values) > 1:
             raise InputError(
@@ -63,6 +64,7 @@ def shape_of(scenarios: Scenario | Sequence[Scenario], *, slots: int | None = No
         **{name: getattr(first, name) for name in _RULES},
         limited=any(each.limited for each in rows),
         has_zones=first.has_zones,
+        homes=first.homes,
         finest_interval=min(each.finest_interval for each in rows),
         usual_edge=max(each.usual_edge for each in rows),
     )
@@ -75,6 +77,7 @@ class Params(eqx.Module):
     """Every number of a scenario as an array; a batch of missions has its leading axis on each."""
 
     budgets: Float[Array, "*b m"]  # domain units
+    reserves: Float[Array, "*b m"]  # of these, what is not to be spent
     speeds: Float[Array, "*b m"]  # domain units per unit of time
     present: Bool[Array, "*b m"]  # False for agents that take no part: a team smaller than the shape's
     comm_range: Float[Array, "*b"]  # domain units; inf hears everyone
@@ -85,6 +88,11 @@ class Params(eqx.Module):
     noise: Float[Array, "*b"]
     threshold: Float[Array, "*b"]
     beta: Float[Array, "*b"]
+
+    @property
+    def spendable(self) -> Float[Array, "*b m"]:
+        """The budgets less the reserves."""
+        return self.budgets - self.reserves
 
 
 def params_of(scenario: Scenario) -> Params:

@@ -77,6 +77,20 @@ class Scenario:
         unit="domain units",
         source=f"{_PAPER}, Sec. IV-E (drawn), Sec. V (shared)",
     )
+    end: Literal["start"] | Pair | Each[Pair] | Each[tuple[Pair, ...]] | None = described(
+        None,
+        "where agents end: at any of these places, for all or per agent; start: where it began; null: anywhere",
+        allowed="start, [x, y] inside the extent, a list of such, a list of lists per agent, or null (None)",
+        unit="domain units",
+        source="maipp",
+    )
+    reserve: NotNegative | Each[NotNegative] = described(
+        0.0,
+        "part of the budget that is not spent",
+        allowed="a length >= 0 below the budget, or one per agent",
+        unit="domain units",
+        source="maipp",
+    )
     comm_range: Positive | None = described(
         None,
         "farthest distance at which a deciding agent hears another; null hears everyone",
@@ -211,7 +225,8 @@ class Scenario:
     def _check_together(self) -> None:
         """Raises `FieldError` where fields that are right by themselves contradict each other."""
         shared = self.start is not None and not isinstance(self.start[0], tuple)
-        for key in ("budget", "speed") if shared else ("budget", "speed", "start"):
+        several = ("budget", "speed", "reserve", *(() if shared else ("start",)))
+        for key in (*several, "end") if self._end_per_agent else several:
             values = getattr(self, key)
             if isinstance(values, tuple) and len(values) != self.agents:
                 raise refusal(self, _WHERE, key, values, f"holds {len(values)} for {self.agents} agents")
@@ -220,6 +235,15 @@ class Scenario:
             if not (0 <= x <= self.extent[0] and 0 <= y <= self.extent[1]):
                 key = "start" if shared else f"start[{index}]"
                 raise refusal(self, _WHERE, key, (x, y), f"is outside the domain of extent {self.extent}")
+        for agent, places in enumerate(self._ends or ()):
+            for index, (x, y) in enumerate(places):
+                if not (0 <= x <= self.extent[0] and 0 <= y <= self.extent[1]):
+                    key = f"end[{agent}][{index}]" if self._end_per_agent else f"end[{index}]"
+                    raise refusal(self, _WHERE, key, (x, y), f"is outside the domain of extent {self.extent}")
+        for agent, (reserve, budget) in enumerate(zip(self.reserves, self.budgets, strict=True)):
+            if reserve >= budget:
+                key = f"reserve[{agent}]" if isinstance(self.reserve, tuple) else "reserve"
+                raise refusal(self, _WHERE, key, reserve, f"is not below the budget ({budget})")
         longest, interval = self._longest_budget, self.measurement_interval
         if longest / interval > _MOST_MEASUREMENTS:
             problem = f"means {longest / interval:.2g} measurements per agent, too many to tell apart"
@@ -263,6 +287,11 @@ class Scenario:
         return self.budget if isinstance(self.budget, tuple) else (self.budget,) * self.agents
 
     @property
+    def reserves(self) -> tuple[float, ...]:
+        """Reserve of every agent, length m, domain units."""
+        return self.reserve if isinstance(self.reserve, tuple) else (self.reserve,) * self.agents
+
+    @property
     def speeds(self) -> tuple[float, ...]:
         """Speed of every agent, length m, domain units per unit of time."""
         return self.speed if isinstance(self.speed, tuple) else (self.speed,) * self.agents
@@ -273,6 +302,34 @@ class Scenario:
         if self.start is None or isinstance(self.start[0], tuple):
             return self.start  # type: ignore[return-value]  # the first element tells one position from several
         return (self.start,) * self.agents  # type: ignore[return-value]
+
+    @property
+    def _end_per_agent(self) -> bool:
+        places = self.end if isinstance(self.end, tuple) else ()
+        return any(isinstance(each, tuple) and (not each or isinstance(each[0], tuple)) for each in places)
+
+    @property
+    def _ends(self) -> tuple[tuple[Pair, ...], ...] | None:
+        """The places of every agent, length m; None where they are not given as places."""
+        if self.end is None or isinstance(self.end, str):
+            return None
+        if self._end_per_agent:
+            return self.end  # type: ignore[return-value]  # its elements tell
+        return (self.end if isinstance(self.end[0], tuple) else (self.end,),) * self.agents  # type: ignore[return-value]
+
+    @property
+    def homes(self) -> int:
+        """Places of which each agent ends at one; 0 where it may end anywhere."""
+        if self.end is None:
+            return 0
+        return max(map(len, self._ends)) if self._ends is not None else 1
+
+    def ends_from(self, starts: Any) -> tuple[tuple[Pair, ...], ...]:
+        """Where each agent may end that began at `starts` (m, 2), domain units: at any of these; anywhere if none.
+
+        Only where ends are given.
+        """
+        return self._ends or tuple(((float(x), float(y)),) for x, y in starts)
 
     @property
     def _longest_budget(self) -> float:

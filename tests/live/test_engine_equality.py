@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from maipp.engine import Decision, draw_missions, reset
+from maipp.engine import draw_missions, reset
 from maipp.engine.advance import advance
-from maipp.engine.decide import decide
-from maipp.engine.observe import due_agent, hear, knowledge, time_tolerance
+from maipp.engine.decide import ask, decide
+from maipp.engine.observe import due_agent, hear, knowledge, observe, time_tolerance
 from maipp.engine.rows import pick
 from maipp.live import LiveSurvey, world
 from maipp.live.messages import pack
@@ -33,6 +33,11 @@ def _wake(mission, state):
     state = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, pick(state.arrival, agent)))
     state, heard = hear(mission, state, agent)
     return state, knowledge(mission, state, agent, heard)
+
+
+@eqx.filter_jit
+def _ask(planner, mission, key, known, memory):
+    return ask(planner, mission, key, observe(mission, known), memory)
 
 
 class Batch:
@@ -64,7 +69,7 @@ class Batch:
         key = jax.random.fold_in(jax.random.fold_in(jax.random.key(SEED), agent), self.decided[agent])
         memory = jax.tree.map(lambda a: a[agent], self.state.memory)
         made = decide(self.planner, self.mission, key, known, memory)
-        told = Decision(made.leg[1:], made.message, made.memory, ~made.go)
+        told = _ask(self.planner, self.mission, key, known, memory)
         self.state = self.proceed(self.planner, self.mission, self.state, known.agent, told)
         self.decided[agent] += 1
         return jax.device_get(made)
@@ -170,8 +175,8 @@ def follow(scenario, planner, slots, *, prior=None, folder=None, exact):
 
 
 def test_in_the_same_shape_decisions_are_the_same_to_the_bit(tiny_planner, tmp_path):
-    """Prior samples, no-go zones, and a restart half-way."""
-    scenario = SCENARIO.replace(obstacles=WALL)
+    """Prior samples, no-go zones, homes, and a restart half-way."""
+    scenario = SCENARIO.replace(obstacles=WALL, end="start", reserve=0.05)
     slots = -(-5 * scenario.measurements_per_agent // 4)  # what a live survey has room for
     follow(scenario, tiny_planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 

@@ -79,7 +79,7 @@ SCHEMA = an_object(
         "rallyPoints": an_object({"version": {"const": 2}, "points": {"type": "array"}}),
     }
 )
-WAYPOINT, RETURN, TAKEOFF, SPEED = 16, 20, 22, 178  # MAV_CMD
+WAYPOINT, TAKEOFF, SPEED = 16, 22, 178  # MAV_CMD
 
 
 def read(text):
@@ -118,8 +118,8 @@ def test_the_fence_keeps_inside_the_area_and_out_of_the_zones(plan):
 
 
 def test_a_copter_takes_off_before_its_speed_is_set(plan):
-    content = read(plan_file(plan, plan.routes[0], Vehicle("copter", "px4", altitude=30.0, return_home=True)))
-    assert commands(content) == [TAKEOFF, SPEED, WAYPOINT, WAYPOINT, WAYPOINT, RETURN]
+    content = read(plan_file(plan, plan.routes[0], Vehicle("copter", "px4", altitude=30.0)))
+    assert commands(content) == [TAKEOFF, SPEED, WAYPOINT, WAYPOINT, WAYPOINT]
     mission = content["mission"]
     assert (mission["firmwareType"], mission["vehicleType"]) == (12, 2)
     placed = [item for item in mission["items"] if item["command"] in (TAKEOFF, WAYPOINT)]

@@ -15,13 +15,13 @@ from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous,
 from maipp.roadmap import zones_of
 from maipp.scenario import Scenario
 
-MEETING = Rendezvous(jnp.array([0.5, 0.4]), jnp.asarray(0.1))
+MEETING = Rendezvous(jnp.array([[0.5, 0.4]]), jnp.asarray(0.1), None, jnp.ones(2), 1.1)
 unit = st.floats(0, 1, width=32)
 
 
 def test_a_team_meets_in_the_middle_where_radios_do_not_reach():
     meeting = rendezvous(Scenario(extent=(1.0, 0.8), comm_range=0.3))
-    assert meeting is not None and meeting.place.tolist() == [0.5, np.float32(0.4)]
+    assert meeting is not None and meeting.places[0].tolist() == [0.5, np.float32(0.4)]
     assert 2 * meeting.radius < 0.3  # any two who are there hear each other
     assert rendezvous(Scenario()) is None
     assert rendezvous(Scenario(agents=1, comm_range=0.3)) is None
@@ -35,7 +35,7 @@ def test_whoever_has_budget_to_spare_ends_at_the_meeting(x, y, u, v, remaining):
     )
     length = np.linalg.norm(target - start)
     end = start + (target - start) * min(1.0, remaining / max(length, 1e-9))
-    away = np.linalg.norm(end - np.asarray(MEETING.place)) - MEETING.radius
+    away = np.linalg.norm(end - np.asarray(MEETING.places[0])) - MEETING.radius
     if left >= 0:  # straight there is affordable, and the detour of a roadmap too
         assert min(length, remaining) + 1.1 * max(away, 0) <= remaining + 1e-4
     else:
@@ -66,7 +66,7 @@ def test_a_plan_in_the_plane_is_late_by_what_its_worst_leg_lacks(moves, remainin
     for end, step in zip(ends, steps, strict=True):
         share = min(1.0, left / step)
         at, left = at + share * (end - at), max(0.0, left - step)
-        worst = max(worst, np.linalg.norm(at - np.asarray(MEETING.place)) - MEETING.radius - left)
+        worst = max(worst, np.linalg.norm(at - np.asarray(MEETING.places[0])) - MEETING.radius - left)
     late = lateness(MEETING, *map(lambda a: jnp.asarray(a, jnp.float32), (start, ends, steps, remaining)))
     assert float(late) == pytest.approx(float(max(worst, 0.0)), abs=1e-4)
 
@@ -107,16 +107,14 @@ def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
 def test_the_way_to_the_meeting_leads_around_zones():
     wall = ((0.4, 0.2), (0.45, 0.2), (0.45, 1.0), (0.4, 1.0))
     scenario = Scenario(comm_range=0.2, obstacles=(wall,), grid=21)
-    meeting, zones = rendezvous(scenario), zones_of(scenario)
-    assert meeting is not None and zones is not None
+    meeting = rendezvous(scenario, zones_of(scenario))
+    assert meeting is not None and meeting.lengths is not None
     # On points of the grid: one beside the meeting, one behind the wall.
     ends = jnp.array([[[0.6, 0.5]], [[0.3, 0.7]]])
-    late = lateness(meeting, jnp.array([0.3, 0.7]), ends, jnp.ones(1), jnp.ones(()), zones=zones)
+    late = lateness(meeting, jnp.array([0.3, 0.7]), ends, jnp.ones(1), jnp.ones(()))
     around = np.hypot(0.1, 0.5) + 0.05 + np.hypot(0.05, 0.3)
     np.testing.assert_allclose(late, [0.1 - 0.098, around - 0.098], atol=0.005)
-    slope = jax.grad(lambda ends: lateness(meeting, ends[0, 0], ends, jnp.ones(1), jnp.ones(()), zones=zones).sum())(
-        ends
-    )
+    slope = jax.grad(lambda ends: lateness(meeting, ends[0, 0], ends, jnp.ones(1), jnp.ones(())).sum())(ends)
     assert np.isfinite(slope).all()
 
 

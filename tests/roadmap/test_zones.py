@@ -91,8 +91,8 @@ def test_a_domain_without_free_space_has_zones_all_the_same():
 def test_arrays_are_padded_as_told():
     zones = zones_of(Scenario(obstacles=(SQUARE,)), edges=100, corners=40)
     assert zones is not None
-    assert zones.begin.shape == (128, 2) and zones.ways.shape == (64, 64)
-    assert (np.asarray(zones.length) > 0).sum() == 8
+    assert zones.borders.begin.shape == (128, 2) and zones.ways.shape == (64, 64)
+    assert (np.asarray(zones.borders.length) > 0).sum() == 8
 
 
 def test_detail_gives_way_where_there_are_very_many_corners():

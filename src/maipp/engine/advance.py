@@ -5,12 +5,12 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 
-from maipp.engine.decide import depart
+from maipp.engine.decide import depart_of
 from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
 from maipp.engine.rows import pick, put
-from maipp.engine.state import State
+from maipp.engine.state import State, leg_waypoints
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Index
 
@@ -22,15 +22,16 @@ def advance(planner: Planner, mission: Mission, state: State, agent: Index, deci
     """
     active = pick(state.active, agent)
     odometer = pick(state.odometer, agent)
-    remaining = pick(mission.params.budgets, agent) - odometer
+    remaining = pick(mission.params.spendable, agent) - odometer
     departure = state.time
     speed = pick(mission.params.speeds, agent)
     position = pick(state.leg, agent)[-1]
 
-    decided = depart(mission.problem, position, remaining, decision)
+    homeward = pick(state.homeward, agent)
+    decided = depart_of(planner, mission, agent, position, remaining, decision, homeward)
     leg, reach, length = decided.leg, decided.reach, decided.length
     capacity = state.route.shape[-2]
-    w = planner.waypoints_per_decision
+    w = leg_waypoints(mission.problem, planner)
     full = active & decided.go & (pick(state.route_length, agent) + w > capacity)
     acts = active & ~full
     go = acts & decided.go
@@ -62,6 +63,7 @@ def advance(planner: Planner, mission: Mission, state: State, agent: Index, deci
         active=put(state.active, agent, go, ~full),
         stopped_by=put(state.stopped_by, agent, decided.stopped_by, acts),
         leg=put(state.leg, agent, jnp.where(go, leg, position), acts),
+        homeward=put(state.homeward, agent, decided.homeward, acts),
         departure=put(state.departure, agent, departure, acts),
         arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, acts),
         odometer=put(state.odometer, agent, odometer + length, go),
@@ -69,8 +71,8 @@ def advance(planner: Planner, mission: Mission, state: State, agent: Index, deci
         measurement_x=put(state.measurement_x, agent, row_x, go),
         measurement_y=put(state.measurement_y, agent, row_y, go),
         measurement_time=put(state.measurement_time, agent, row_time, go),
-        messages=jax.tree.map(tell, state.messages, decision.message),
-        memory=jax.tree.map(tell, state.memory, decision.memory),
+        messages=jax.tree.map(tell, state.messages, decided.message),
+        memory=jax.tree.map(tell, state.memory, decided.memory),
         route=put(state.route, agent, route, go),
         route_time=put(state.route_time, agent, route_time, go),
         route_length=put(state.route_length, agent, pick(state.route_length, agent) + w, go),

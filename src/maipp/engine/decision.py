@@ -8,7 +8,7 @@ import jax
 
 from maipp.belief import Belief, Interest, Matern32
 from maipp.problem import Problem
-from maipp.roadmap import Roadmap
+from maipp.roadmap import Home, Roadmap
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int, Key
 
@@ -38,17 +38,19 @@ class Knowledge(AgentView):
     """What comes from whichever record: the batch engine's state, or a live survey's. Holds no prior samples."""
 
     odometer: Float[Array, ""]  # what of the budget has been travelled
+    homeward: Bool[Array, ""]  # whether it has turned for home
     next_measurement: Float[Array, ""]  # odometer at which it measures next
 
 
 class Observation(AgentView):
     """What a planner sees at the moment it decides. The prior samples, which every agent knows, are in the slots."""
 
-    remaining: Float[Array, ""]  # what is left of the budget
+    remaining: Float[Array, ""]  # what is left of the budget above the reserve; with it the agent must come home
     to_next_measurement: Float[Array, ""]  # distance it travels before it measures again, in (0, interval]
     belief: Belief  # its own belief, predicted on the evaluation grid
     inside: Bool[Array, " q"]  # grid points of the survey area
     roadmap: Roadmap | None  # the agent's own roadmap
+    home: Home | None = None  # where it is to end; None: anywhere
 
 
 class Decision(eqx.Module):

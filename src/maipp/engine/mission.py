@@ -13,13 +13,14 @@ import numpy as np
 from maipp.belief import PriorSamples
 from maipp.engine.decision import Planner
 from maipp.engine.prior_checks import prior_arrays
+from maipp.engine.rows import pick
 from maipp.errors import InputError
 from maipp.fields import evaluation_grid, sample_mixture
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
-from maipp.roadmap import Obstacles, Roadmap, laplacian_encoding, sample_roadmaps
+from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
-from maipp.typing import Array, Bool, Float, Key, Keys
+from maipp.typing import Array, Bool, Float, Index, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -35,6 +36,7 @@ class Mission(eqx.Module):
     inside: Bool[Array, "*b q"]  # grid points of the survey area: False within no-go zones
     start: Float[Array, "*b m 2"]  # where each agent begins, domain units
     roadmap: Roadmap | None  # arrays (*b, m, n, ...), or None where the planner needs no roadmap
+    home: Home | None = None  # where each agent ends; None: anywhere
     # Samples taken before the survey, which every belief is conditioned on; None where there are none.
     prior_x: Float[Array, "*b p 2"] | None = None  # positions, domain units
     prior_y: Float[Array, "*b p"] | None = None  # values, standardised
@@ -44,6 +46,12 @@ class Mission(eqx.Module):
     def problem(self) -> Problem:
         """Shape and numbers, under the scenario's names."""
         return Problem(self.shape, self.params)
+
+    def home_of(self, agent: Index) -> Home | None:
+        """Where one agent of one mission ends; None: anywhere."""
+        if self.home is None:
+            return None
+        return Home(jax.tree.map(lambda array: pick(array, agent), self.home.ends), self.home.borders)
 
     @property
     def prior(self) -> PriorSamples | None:
@@ -161,8 +169,33 @@ def draw_missions(
         inside=every(inside),
         start=each(starts),
         roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
+        home=_homes(scenario, starts, trials) if scenario.homes else None,
         **{name: every(array) for name, array in samples.items()},
     )
+
+
+def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) -> Home:
+    """Where the agents of every mission end. Raises InputError where an agent cannot get there from its start."""
+    rows: list[Home] = []
+    for each in starts:
+        home = home_of(scenario.ends_from(each), scenario.obstacles, scenario.extent, scenario.grid)
+        _check_home(home, each, scenario)
+        rows += [home] * trials
+    return jax.tree.map(lambda *arrays: _device_array(np.stack(arrays)), *rows)
+
+
+def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario) -> None:
+    """Raise InputError for an agent whose way home is longer than its budget less its reserve."""
+    real = home.ends.places.dtype
+    lengths = jax.vmap(lambda ends, start: lengths_home(Home(ends, home.borders), start[None])[0])
+    for agent, length in enumerate(np.asarray(lengths(home.ends, jnp.asarray(starts, real)))):
+        spendable = scenario.budgets[agent] - scenario.reserves[agent]
+        if home.ends.bound[agent] and not length <= spendable:
+            way = "no way there around the no-go zones" if np.isinf(length) else f"{length:.3g} away"
+            raise InputError(
+                f"end of agent {agent}: {way} from its start, of a budget of {spendable:.3g} less the reserve; "
+                "give a nearer end or a larger budget"
+            )
 
 
 def _draw_roadmaps(

@@ -72,6 +72,7 @@ def knowledge(mission: Mission, state: State, agent: Index, heard: Bool[Array, "
         start=pick(mission.start, agent),
         budget=pick(mission.params.budgets, agent),
         odometer=pick(state.odometer, agent),
+        homeward=pick(state.homeward, agent),
         next_measurement=(pick(state.taken, agent) + 1) * mission.params.measurement_interval,
         speed=pick(mission.params.speeds, agent),
         measurement_x=state.measurement_x.reshape(-1, 2),
@@ -128,11 +129,12 @@ def observe(mission: Mission, known: Knowledge) -> Observation:
     }
     return Observation(
         **{each.name: getattr(known, each.name) for each in dataclasses.fields(AgentView)} | slots,
-        remaining=known.budget - known.odometer,
+        remaining=known.budget - pick(mission.params.reserves, known.agent) - known.odometer,
         to_next_measurement=known.next_measurement - known.odometer,
         belief=belief_near(mission, all_known, mission.grid, known.position),
         inside=mission.inside,
         roadmap=jax.tree.map(lambda a: a[known.agent], mission.roadmap),
+        home=mission.home_of(known.agent),
     )
 
 

@@ -6,6 +6,7 @@ import shapely
 from shapely.geometry import LineString, Point
 from shapely.ops import substring
 
+from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Extent, Float, Real
 
 
@@ -22,6 +23,12 @@ def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float
     return position
 
 
+def distances(polyline: Float[Array, "v 2"]) -> Float[Array, " v"]:
+    """Of each vertex from the first, along a polyline (domain units)."""
+    steps = jnp.sqrt(jnp.sum((polyline[1:] - polyline[:-1]) ** 2, axis=-1))
+    return jnp.concatenate([jnp.zeros(1, polyline.dtype), jnp.cumsum(steps)])
+
+
 def cut_leg(
     extent: Extent, position: Float[Array, "2"], waypoints: Float[Array, "w 2"], remaining: Float[Array, ""]
 ) -> tuple[Float[Array, "v 2"], Float[Array, " w"]]:
@@ -30,8 +37,7 @@ def cut_leg(
     Also the distance from the position to each waypoint of the leg, the last of which is its length.
     """
     planned = jnp.concatenate([position[None], jnp.clip(waypoints, 0.0, jnp.asarray(extent, position.dtype))])
-    lengths = jnp.cumsum(jnp.sqrt(jnp.sum((planned[1:] - planned[:-1]) ** 2, axis=-1)))
-    reach = jnp.minimum(lengths, remaining)
+    reach = jnp.minimum(distances(planned)[1:], remaining)
     return jnp.concatenate([position[None], along(planned, reach)]), reach
 
 
@@ -57,8 +63,14 @@ def along_paths(
 def first_part(start: Float[Array, "2"], path: Float[Array, "w 2"], length: Real) -> Float[Array, "w 2"]:
     """The path's waypoints, cut where it is `length` long (domain units)."""
     whole = jnp.concatenate([start[None], path])
-    reach = jnp.cumsum(jnp.sqrt(jnp.sum((whole[1:] - whole[:-1]) ** 2, axis=-1)))
-    return along(whole, jnp.minimum(reach, length))
+    return along(whole, jnp.minimum(distances(whole)[1:], length))
+
+
+def without_repeats(polyline: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"]:
+    """The polyline on the host without vertices that are where the one before is."""
+    keep = np.ones(len(polyline), bool)
+    keep[1:] = np.hypot(*np.diff(polyline, axis=0).T) > DISTANCE_TOLERANCE
+    return polyline[keep]
 
 
 def place_at(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarray, "2"]:

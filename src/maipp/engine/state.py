@@ -10,15 +10,18 @@ from maipp.engine.decision import Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
 from maipp.problem import ScenarioLike
+from maipp.roadmap.home import WAYPOINTS
 from maipp.typing import Array, Bool, Float, Int
 
-# Why an agent stopped. The last two are the engine's doing, with budget left: a fault of the planner, or of its steps.
+# Why an agent stopped. Two are the engine's doing with budget left, NOT_FINITE and RECORD_FULL: a fault of the planner,
+# or of its steps.
 TRAVELLING = 0
 BY_PLANNER = 1  # its planner said so
 SPENT = 2  # no budget left, or its planner wanted to go nowhere
 NOT_FINITE = 3  # its planner named a waypoint that is not a finite number
 RECORD_FULL = 4  # its record of the route holds no more vertices
-REASONS = (None, "planner", "budget", "not-finite", "record-full")  # the same in records of a survey
+AT_HOME = 5  # it has turned for home in time, and is there
+REASONS = (None, "planner", "budget", "not-finite", "record-full", "home")  # the same in records of a survey
 
 
 class State(eqx.Module):
@@ -28,6 +31,7 @@ class State(eqx.Module):
     events: Int[Array, ""]  # decisions taken so far by the team
     active: Bool[Array, " m"]  # False once an agent has stopped
     stopped_by: Int[Array, " m"]  # why, int8: TRAVELLING, BY_PLANNER, SPENT, NOT_FINITE or RECORD_FULL
+    homeward: Bool[Array, " m"]  # its leg ends on the way home, which it follows to its end
     leg: Float[Array, "m v 2"]  # polyline each agent travels: departure point, then w waypoints
     departure: Float[Array, " m"]  # time it left leg[:, 0]
     arrival: Float[Array, " m"]  # time it reaches leg[:, -1]
@@ -51,7 +55,12 @@ def route_capacity(scenario: ScenarioLike, planner: Planner) -> int:
     A mission that needs more is run on with more. At four, one agent in some 40 missions of ten ran into it: it had
     gone to and fro between two nodes close together.
     """
-    return (8 * scenario.measurements_per_agent + 16) * planner.waypoints_per_decision + 1
+    return (8 * scenario.measurements_per_agent + 16) * leg_waypoints(scenario, planner) + 1
+
+
+def leg_waypoints(problem: ScenarioLike, planner: Planner) -> int:
+    """Waypoints of each leg: the planner's, and after them the way home where there is one."""
+    return planner.waypoints_per_decision + (WAYPOINTS if problem.homes else 0)
 
 
 def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> State:
@@ -64,12 +73,13 @@ def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> St
     def per_agent(tree: Any) -> Any:
         return jax.tree.map(lambda a: jnp.broadcast_to(a, (m, *jnp.shape(a))), tree)
 
-    vertices = planner.waypoints_per_decision + 1
+    vertices = leg_waypoints(mission.problem, planner) + 1
     return State(
         time=jnp.zeros((), real),
         events=jnp.zeros((), jnp.int32),
         active=mission.params.present,
         stopped_by=jnp.full(m, TRAVELLING, jnp.int8),
+        homeward=jnp.zeros(m, bool),
         leg=jnp.broadcast_to(mission.start[:, None], (m, vertices, 2)),
         departure=jnp.zeros(m, real),
         arrival=jnp.zeros(m, real),

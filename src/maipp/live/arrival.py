@@ -1,6 +1,7 @@
 """An arrival: what the robot and its team are known to do at that moment, and what is decided from it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -8,12 +9,15 @@ import numpy as np
 
 from maipp.engine.decide import Departure, decide
 from maipp.engine.decision import Knowledge
-from maipp.engine.polyline import place_at, shortened
+from maipp.engine.homing import whole_way_home
+from maipp.engine.polyline import place_at, shortened, without_repeats
+from maipp.engine.state import AT_HOME
 from maipp.live.detour import keep_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
-from maipp.live.robots import GONE, Robot
+from maipp.live.robots import GONE, TRAVELLING, Robot
 from maipp.live.world import World
+from maipp.roadmap import Home
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
 
@@ -50,6 +54,7 @@ class Arrival:
             "start": np.asarray(self.world.mission.start)[agent],
             "budget": np.array(self.robot.budget, real),
             "odometer": np.array(self.odometer, real),
+            "homeward": np.array(self.robot.homeward),
             "next_measurement": self.next_measurement,
             "speed": np.array(self.robot.speed, real),
             "measurement_x": self.slots.x,
@@ -77,6 +82,14 @@ class Arrival:
             real(count) * real(interval) if abs(place - count * interval) < DISTANCE_TOLERANCE else place, real
         )
 
+    @cached_property
+    def home(self) -> Home | None:
+        """Where the robot is to end; None: anywhere."""
+        home, agent = self.world.mission.home, self.robots.index(self.robot)
+        if home is None or not np.asarray(home.ends.bound)[agent]:
+            return None
+        return Home(jax.tree.map(lambda array: array[agent], home.ends), home.borders)
+
     def decided(self) -> Departure:
         """The engine's answer, on the host."""
         world, agent = self.world, self.robots.index(self.robot)
@@ -89,6 +102,7 @@ class Made(NamedTuple):
     """What was decided."""
 
     reason: str | None  # why the robot stops; None: it goes on
+    homeward: bool  # whether it goes home
     leg: Float[np.ndarray, "v 2"]  # from its position through the waypoints; its position alone where it stops
     measure: Float[np.ndarray, "n 2"]  # where it is to measure on the way
     planned: float  # odometer at the last of these, or the one planned before
@@ -100,27 +114,51 @@ class Made(NamedTuple):
 def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     """What the robot is to do; one that stops announces `nothing`."""
     robot, here = arrival.robot, arrival.position[None]
-    if robot.budget - arrival.odometer <= DISTANCE_TOLERANCE:
-        return Made("budget", here, here[:0], robot.planned, arrival.time, nothing[0], robot.memory)
+
+    def stop(reason: str, memory: Any) -> Made:
+        return Made(reason, False, here, here[:0], robot.planned, arrival.time, nothing[0], memory)
+
+    spendable = robot.budget - arrival.world.scenario.reserves[arrival.robots.index(robot)]
+    if arrival.home is None and spendable - arrival.odometer <= DISTANCE_TOLERANCE:
+        return stop("budget", robot.memory)
     outcome = arrival.decided()
     if not outcome.go:
-        return Made("planner", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
+        spent = spendable - arrival.odometer <= DISTANCE_TOLERANCE
+        return stop("home" if outcome.stopped_by == AT_HOME else "budget" if spent else "planner", outcome.memory)
     scenario, roadmap = arrival.world.scenario, arrival.world.mission.roadmap
     nodes = None if roadmap is None else np.asarray(roadmap.nodes, np.float64)[arrival.robots.index(robot)]
-    planned_leg = _without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
+    planned_leg = without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
     leg = keep_out(scenario, planned_leg, nodes)
     if leg is None:
-        return Made("no-go", here, here[:0], robot.planned, arrival.time, nothing[0], outcome.memory)
-    leg = shortened(leg, robot.budget - arrival.odometer)
+        return stop("no-go", outcome.memory)
+    if not outcome.homeward:
+        leg = shortened(leg, spendable - arrival.odometer)
+    return _made(arrival, leg, bool(outcome.homeward), outcome.message, outcome.memory)
+
+
+def turn_home(arrival: Arrival, nothing: tuple[Any, Any]) -> Made | None:
+    """What a robot under way is to do whose budget has changed: go home, where its leg has become too long for that.
+
+    The arrival is where it should be now. None: it goes on.
+    """
+    robot, home = arrival.robot, arrival.home
+    if home is None or robot.status != TRAVELLING or robot.homeward:
+        return None
+    left = robot.budget - arrival.world.scenario.reserves[arrival.robots.index(robot)] - arrival.odometer
+    gone = arrival.odometer - robot.odometer
+    rest = float(np.hypot(*np.diff(robot.leg, axis=0).T).sum()) - gone
+    _, back = whole_way_home(home, robot.leg[-1])
+    if rest + back <= left + DISTANCE_TOLERANCE:
+        return None
+    way, _ = whole_way_home(home, arrival.position)
+    return _made(arrival, way, True, nothing[0], robot.memory)
+
+
+def _made(arrival: Arrival, leg: Float[np.ndarray, "v 2"], homeward: bool, message: Any, memory: Any) -> Made:
+    """What it is to do on a leg: where to measure, and when it will be there."""
+    robot, scenario = arrival.robot, arrival.world.scenario
     length, interval = float(np.hypot(*np.diff(leg, axis=0).T).sum()), scenario.measurement_interval
     places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
     measure = np.array([place_at(leg, float(place)) for place in places]).reshape(-1, 2)
     planned = arrival.odometer + float(places[-1]) if len(places) else robot.planned
-    return Made(None, leg, measure, planned, arrival.time + length / robot.speed, outcome.message, outcome.memory)
-
-
-def _without_repeats(leg: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"]:
-    """The leg without waypoints that are where the one before is."""
-    keep = np.ones(len(leg), bool)
-    keep[1:] = np.hypot(*np.diff(leg, axis=0).T) > DISTANCE_TOLERANCE
-    return leg[keep]
+    return Made(None, homeward, leg, measure, planned, arrival.time + length / robot.speed, message, memory)

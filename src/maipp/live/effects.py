@@ -51,7 +51,7 @@ def effect(
 ) -> tuple[Robot, Sample | None]:
     """What an answered event changes: the robot that takes the place of this one (its number, it), and a measurement.
 
-    `answer` is what was answered, `state` what an arrival changes.
+    `answer` is what was answered, `state` what an arrival changes, or a budget that sends the robot home.
     """
     number, changed = robot[0], robot[1].copy()
     time, sample = inner["time"], None
@@ -66,11 +66,15 @@ def effect(
         else:
             leg = np.array(state["leg"], np.float64)
             message, memory = unpack(state["message"], nothing[0]), unpack(state["memory"], nothing[1])
-            changed.arrive(time, state["odometer"], state["planned"], leg, answer, message, memory)
+            way = time, state["odometer"], state["planned"], leg, answer, message
+            changed.arrive(*way, memory, state.get("homeward", False))
     elif isinstance(event, Gone):
         changed.leave(time, nothing[0])
     elif isinstance(event, Budget):
         changed.grant(inner["budget"], time, event.id)
+        if state is not None:
+            leg = np.array(state["leg"], np.float64)
+            changed.divert(time, state["odometer"], state["planned"], leg, answer, nothing[0])
     elif isinstance(event, Heard):
         changed.announce(time, inner["position"], inner["message"])
     return changed, sample

@@ -36,6 +36,7 @@ class Robot:
     answer: dict[str, Any] | None = None  # what it was told then
     budget_from: tuple[float, str] = (-1.0, "")  # time and id of the event that set its budget
     fixes: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])  # times and odometer at its arrivals
+    homeward: bool = False  # it was told to go home
     planned: float = 0.0  # odometer at the last measurement that its leg was planned with
     # Time, odometer (-1: not told) at its measurements
     measured: list[tuple[float, float]] = field(default_factory=list)
@@ -57,6 +58,11 @@ class Robot:
     def where(self, time: float) -> Float[np.ndarray, "2"]:
         """Where it probably is: on the way it was told, at its usual speed."""
         return place_at(self.leg, max(time - self.time, 0.0) * self.speed)
+
+    def covered(self, time: float) -> float:
+        """Way it has probably gone on its leg, domain units."""
+        length = float(np.hypot(*np.diff(self.leg, axis=0).T).sum())
+        return min(max(time - self.time, 0.0) * self.speed, length)
 
     def travelled(self, position: Float[np.ndarray, "2"], told: float | None) -> float:
         """Way travelled on arrival at a position: what the odometer says, else along the leg as far as it was followed.
@@ -88,6 +94,7 @@ class Robot:
         answer: dict[str, Any],
         message: Any,
         memory: Any,
+        homeward: bool = False,
     ) -> None:
         """It is at the leg's first point and was told to travel along it, one point alone: to stop.
 
@@ -97,8 +104,22 @@ class Robot:
         self.latest = self.time = time
         self.odometer, self.leg, self.answer = odometer, leg, answer
         self.planned, self.message, self.memory = planned, message, memory
-        self.status = TRAVELLING if len(leg) > 1 else STOPPED
+        self.status, self.homeward = TRAVELLING if len(leg) > 1 else STOPPED, homeward
         self.arrivals += 1
+
+    def divert(
+        self,
+        time: float,
+        odometer: float,
+        planned: float,
+        leg: Float[np.ndarray, "v 2"],
+        answer: dict[str, Any],
+        message: Any,
+    ) -> None:
+        """It was told to leave its leg where it should be now, the first point of its way home."""
+        self.latest = self.time = max(time, self.latest)
+        self.odometer, self.leg, self.answer = odometer, leg, answer
+        self.planned, self.message, self.homeward = planned, message, True
 
     def note_late(self, time: float, travelled: float | None) -> None:
         """It was somewhere before its last report; only what its odometer said then is of use."""
@@ -113,6 +134,7 @@ class Robot:
     def grant(self, budget: float, time: float, event: str) -> None:
         """Its whole budget is another one; of several events the latest decides."""
         if (time, event) > self.budget_from:
+            self.homeward &= budget <= self.budget  # with more of it there may be more to do
             self.budget, self.budget_from = budget, (time, event)
 
     def announce(self, time: float, position: Float[np.ndarray, "2"], message: Any) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
-from maipp.live.arrival import Arrival, decide_arrival
+from maipp.live.arrival import Arrival, Made, decide_arrival, turn_home
 from maipp.live.effects import effect, inside
-from maipp.live.events import Arrived, Event, fingerprint, read_event, write_event
+from maipp.live.events import Arrived, Budget, Event, fingerprint, read_event, write_event
 from maipp.live.journal import Journal
 from maipp.live.measurements import Measurements, Sample
 from maipp.live.messages import describe, pack
@@ -213,7 +213,9 @@ class LiveSurvey:
         return Arrival(self.world, self._robots, self._measurements.slots(), robot, position, time, odometer)
 
     def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
-        """The answer to an event, and for an arrival what it changes."""
+        """The answer to an event, and what it changes besides: for an arrival, and a budget that sends a robot home."""
+        if isinstance(event, Budget):
+            return self._granted(event, inner)
         if not isinstance(event, Arrived):
             return {"answer": "noted", "id": event.id}, None
         robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
@@ -222,19 +224,40 @@ class LiveSurvey:
             return self._late(robot, head), {"late": told}
         odometer = robot.travelled(position, told)
         made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
-        units, way = self.setup.units, self._way(robot, odometer)
         state = {
             "odometer": odometer,
             "planned": made.planned,
             "leg": made.leg.tolist(),
+            "homeward": made.homeward,
             "message": pack(made.message),
             "memory": pack(made.memory),
         }
+        return self._told(made, head) | self._way(robot, odometer) | self._message(made), state
+
+    def _granted(self, event: Budget, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+        """The answer to a budget: noted, or the way home of a robot whose leg has become too long."""
+        robot = self._robot(event).copy()
+        robot.grant(inner["budget"], inner["time"], event.id)
+        time = max(inner["time"], robot.time)
+        position, odometer = robot.where(time), robot.odometer + robot.covered(time)
+        team = [robot if each.name == robot.name else each for each in self._robots]
+        arrival = Arrival(self.world, team, self._measurements.slots(), robot, position, time, odometer)
+        made = turn_home(arrival, self._nothing)
+        if made is None:
+            return {"answer": "noted", "id": event.id}, None
+        state = {"odometer": odometer, "planned": made.planned, "leg": made.leg.tolist()}
+        head = {"id": event.id, "robot": event.robot}
+        return self._told(made, head) | self._way(robot, odometer) | self._message(made), state
+
+    def _told(self, made: Made, head: dict[str, Any]) -> dict[str, Any]:
+        units = self.setup.units
         if made.reason is not None:
-            return {"answer": "stop"} | head | {"reason": made.reason} | way | {"message": None}, state
-        answer = {"answer": "go"} | head | {"waypoints": units.points_out(made.leg[1:])}
-        answer |= {"measure": units.points_out(made.measure), "arrival": units.time_out(made.arrival)}
-        return answer | way | {"message": describe(made.message, units)}, state
+            return {"answer": "stop"} | head | {"reason": made.reason}
+        way = {"waypoints": units.points_out(made.leg[1:]), "measure": units.points_out(made.measure)}
+        return {"answer": "home" if made.homeward else "go"} | head | way | {"arrival": units.time_out(made.arrival)}
+
+    def _message(self, made: Made) -> dict[str, Any]:
+        return {"message": None if made.reason is not None else describe(made.message, self.setup.units)}
 
     def _late(self, robot: Robot, head: dict[str, Any]) -> dict[str, Any]:
         """The answer to a report that is older than the robot's latest: what it was told there stands."""

@@ -13,7 +13,7 @@ from maipp.missions.vehicle import AUTOPILOTS, KINDS, Vehicle
 from maipp.records import pretty
 
 # MAV_CMD
-_WAYPOINT, _RETURN, _TAKEOFF, _CHANGE_SPEED = 16, 20, 22, 178
+_WAYPOINT, _TAKEOFF, _CHANGE_SPEED = 16, 22, 178
 # MAV_FRAME: for commands without a place, and for places whose altitude counts from home.
 _NO_PLACE, _ABOVE_HOME = 2, 3
 _RELATIVE = 1  # QGroundControl's altitude mode: above home
@@ -23,8 +23,9 @@ _GROUND_SPEED, _KEEP_THROTTLE = 1, -1
 def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None) -> str:
     """The text of the .plan file of one robot of the plan.
 
-    Take-off (copters only), speed, every vertex as a waypoint, and the return to launch if asked for; the fence holds
-    the area as inclusion and the no-go zones as exclusion polygons. Raises `InputError` for a plan in metres.
+    Take-off (copters only), speed, and every vertex as a waypoint. There is no return to launch, which goes straight
+    and knows no no-go zone: a route that ends at home has the way there. The fence holds the area as inclusion and the
+    no-go zones as exclusion polygons. Raises `InputError` for a plan in metres.
     """
     if not plan.geographic:
         raise InputError("a .plan file needs longitudes and latitudes (WGS84); this plan is in metres")
@@ -34,8 +35,6 @@ def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None) -> 
     items = [_change_speed(speed), *(_at(_WAYPOINT, point, vehicle.height) for point in points)]
     if vehicle.flies:  # before the speed: some ArduPilot versions set their own at take-off
         items.insert(0, _at(_TAKEOFF, points[0], vehicle.height))
-    if vehicle.return_home:
-        items.append(_item(_RETURN, _NO_PLACE, [0, 0, 0, 0, 0, 0, 0]))
     fences = [_polygon(plan.area, inclusion=True), *(_polygon(zone, inclusion=False) for zone in plan.no_go)]
     content = {
         "fileType": "Plan",

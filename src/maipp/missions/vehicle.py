@@ -20,7 +20,6 @@ class Vehicle:
     kind: str = "boat"  # boat, rover or copter
     autopilot: str = "ardupilot"  # ardupilot or px4
     altitude: float | None = None  # metres above home, of every waypoint
-    return_home: bool = False  # end with a return to launch, which goes straight and knows no no-go zone
     fence: bool = True  # give the area and the no-go zones to the autopilot as geofence
 
     def __post_init__(self) -> None:

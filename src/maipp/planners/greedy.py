@@ -6,6 +6,7 @@ from maipp.belief import to_rank
 from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
 from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted_trace
+from maipp.planners.rendezvous import appointment
 from maipp.planners.told import count_targets, no_target
 from maipp.typing import Key
 
@@ -27,7 +28,7 @@ class Greedy(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""
-        here = edges_here(self.scenario, observation)
+        here = edges_here(self.scenario, observation, appointment(self.scenario, observation, meet=False))
         value = self.scenario.virtual_value
         belief = count_targets(observation, value) if self.shared else observation.belief
         next_one = here.targets[:, None, :], here.allowed[:, None]

@@ -87,6 +87,7 @@ class IntentSearch(PolicyPlanner, LegPlanner):
             ahead.steps,
             ahead.affordable,
             observation.belief.variance,
+            meeting=self.meeting(observation),
             remaining=observation.remaining,
             proposals=self._proposals(situation, paths, ahead),
         )

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.errors import InputError
-from maipp.planners.detour import TURNS, waypoints, ways_from
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import Sweep, clipped_sweep
+from maipp.roadmap.ways import TURNS, waypoints, ways_from
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.typing import Array, Float, Index, Int, Key
 
@@ -31,7 +31,7 @@ class Lawnmower(PlanePlanner):
         if self.zones is not None and self.sweep is None and isinstance(self.scenario, Scenario):
             self.check()
             rows, margin = self.tuned()
-            self.sweep = clipped_sweep(self.scenario, int(rows), float(margin), self.zones.corners.shape[0])
+            self.sweep = clipped_sweep(self.scenario, int(rows), float(margin), self.zones.borders.corners.shape[0])
 
     @property
     def waypoints_per_decision(self) -> int:

@@ -11,15 +11,15 @@ from maipp.engine.decision import Observation, option
 from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement
-from maipp.planners.detour import long_run
 from maipp.planners.first_leg import FirstLeg, depart, either, length
 from maipp.planners.headings import bend, walk, walk_bent
 from maipp.planners.lookahead import measurement_offsets, predicted
 from maipp.planners.plan_search import Finalists, SearchOptions, search
 from maipp.planners.plan_variance import variance_left
 from maipp.planners.plane_planner import PlanePlanner
-from maipp.planners.rendezvous import lateness, rendezvous
+from maipp.planners.rendezvous import Rendezvous, appointment, lateness
 from maipp.planners.transit import best_transit
+from maipp.roadmap.ways import long_run
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Int, Key, Real
 
@@ -129,6 +129,7 @@ class LegPlanner(PlanePlanner):
         affordable: Bool[Array, " h"],
         known: Float[Array, " q"] | None = None,
         *,
+        meeting: Rendezvous | None = None,
         remaining: Float[Array, ""] | None = None,
         proposals: Float[Array, "p h 2"] | None = None,
     ) -> Finalists:
@@ -136,12 +137,11 @@ class LegPlanner(PlanePlanner):
 
         `last` is the plan to begin from: headings (h,), radians, for straight legs, or displacements (h, 2), units of
         a leg, for legs that may bend; the plans returned are of the same form. `known` is the variance that measured
-        values leave, where the belief counts some as measured whose values are not known yet. With a limited range,
-        plans that miss the meeting at the end are worth less, if `remaining` (domain units) tells when that is.
+        values leave, where the belief counts some as measured whose values are not known yet. Plans that miss the
+        `meeting` at the end are worth less, if `remaining` (domain units) tells when that is.
         `proposals` are plans to try besides random ones.
         """
         extent = self.scenario.extent
-        meeting = rendezvous(self.scenario) if self.meet else None
         known = belief.variance if known is None else known
         reach = jnp.sum(jnp.where(affordable, steps, 0.0))
         index = self.points_in_play(belief, inside, position, reach)
@@ -155,7 +155,7 @@ class LegPlanner(PlanePlanner):
             left = self.expected(*self._after(belief, points, taken), known, inside)
             if meeting is None or remaining is None:
                 return left
-            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining, zones=self.zones))
+            return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining))
 
         return search(
             key,
@@ -165,6 +165,10 @@ class LegPlanner(PlanePlanner):
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
             proposals=proposals,
         )
+
+    def meeting(self, observation: Observation) -> Rendezvous | None:
+        """Where the due agent has to be at the end; None: anywhere."""
+        return appointment(self.scenario, observation, meet=self.meet, zones=self.zones)
 
     def _after(
         self, belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
@@ -233,12 +237,11 @@ class LegPlanner(PlanePlanner):
         begins = jnp.concatenate([position[None], points[0, :-1]])
         plan = (points[0] - begins) / jnp.maximum(steps, 1e-9)[:, None]
         away = FirstLeg(first_part(position, transit.path, steps[0])[:2], points[0], plan)
-        meeting = rendezvous(self.scenario) if self.meet else None
+        meeting = self.meeting(observation)
         in_time = jnp.asarray(True)
         if meeting is not None:
             late, later = (
-                lateness(meeting, position, each, steps, observation.remaining, zones=zones)
-                for each in (leg.points, points[0])
+                lateness(meeting, position, each, steps, observation.remaining) for each in (leg.points, points[0])
             )
             in_time = later <= late + 1e-6
         leg = either(far & in_time & (transit.rate > rate), away, leg)

@@ -12,7 +12,7 @@ from maipp.planners.edges_here import edges_here
 from maipp.planners.lookahead import predicted
 from maipp.planners.policy_paths import Paths, Situation, follow, path_measurements, sample_paths
 from maipp.planners.policy_view import PolicyView, policy_view
-from maipp.planners.rendezvous import rendezvous
+from maipp.planners.rendezvous import appointment
 from maipp.planners.roadmap_step import roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.typing import Array, Float, Index, Int, Key, Vector
@@ -104,7 +104,7 @@ class PolicyPlanner(Planner):
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
         """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
         roadmap = roadmap_of(observation)
-        meeting = rendezvous(self.scenario) if self.meet else None
+        meeting = appointment(self.scenario, observation, meet=self.meet)
         return Situation(
             roadmap=roadmap,
             nodes=belief.on(jnp.asarray(roadmap.nodes)),

@@ -73,6 +73,7 @@ class RecedingHorizon(LegPlanner):
                 ahead.steps,
                 ahead.affordable,
                 observation.belief.variance,
+                meeting=self.meeting(observation),
                 remaining=observation.remaining,
             ).best
         way, message, left = self.set_out(observation, belief, plan, ahead)

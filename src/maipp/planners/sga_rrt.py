@@ -13,11 +13,11 @@ from maipp.engine.decision import Decision, Observation, PyTree, option
 from maipp.engine.polyline import along_paths, first_part
 from maipp.errors import InputError
 from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.detour import long_run
-from maipp.planners.free_run import free_share
 from maipp.planners.lookahead import measurement_offsets, predicted_trace
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.transit import best_transit
+from maipp.roadmap.free_run import free_share
+from maipp.roadmap.ways import long_run
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Extent, Float, Int, Key
@@ -80,7 +80,7 @@ def grow_tree(
         assert zones is not None
         near, end = jax.vmap(partial(edge, i, tree))(samples[i])
         start = tree.position[near]
-        share = free_share(zones, start, end)
+        share = free_share(zones.borders, start, end)
         run = share * jnp.sqrt(jnp.sum((end - start) ** 2, axis=-1))
         best = jnp.argmax(jnp.where(share >= 1.0, branch, 0.99 * run))
         return near[best], jnp.where(share[best] < 1.0, start[best] + share[best] * (end - start)[best], end[best])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.planners.detour import sight, waypoints, ways_from
+from maipp.roadmap.ways import sight, waypoints, ways_from
 from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Float, Point, Real
 
@@ -35,7 +35,7 @@ def best_transit(
     `worth` says roughly what points of the grid are worth, 0 where nothing; `gain` what a measurement would bring.
     """
     offset = zones.places - here
-    around = jnp.min(sight(zones, here)[:, None] + zones.to_place, axis=0)
+    around = jnp.min(sight(zones.borders, here)[:, None] + zones.to_place, axis=0)
     # Whether a point is in sight is only asked of the best.
     about = jnp.where(jnp.isfinite(around), around, jnp.sqrt(jnp.sum(offset * offset, axis=-1)))
     some = lax.top_k(worth / (about + interval), min(_LOOKED_UP, len(worth)))[1]

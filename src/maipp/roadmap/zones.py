@@ -5,6 +5,7 @@ never decide by chance whether a leg enters one. The corners of what has grown a
 turn; ways between all of them (a visibility graph) lead from anywhere to anywhere.
 """
 
+import math
 from functools import lru_cache
 
 import equinox as eqx
@@ -37,14 +38,21 @@ _EDGES, _CORNERS = 64, 32
 _MOST_CORNERS = 256
 
 
-class Zones(eqx.Module):
-    """The no-go zones of a scenario as arrays, padded: an edge of negative length, a corner that nothing leads to."""
+class Borders(eqx.Module):
+    """The borders of no-go zones as arrays, padded: an edge of negative length, a corner that is nowhere in sight."""
 
     begin: Float[Array, "e 2"]  # where each edge of a border begins, domain units
     along: Float[Array, "e 2"]  # its direction, a unit vector; the free side is to its left
     length: Float[Array, " e"]  # domain units
     sharp: Bool[Array, "e 2"]  # whether the zone is on the inner side of the corner at its begin, and at its end
     corners: Float[Array, "v 2"]  # where shortest ways turn
+    margin: float = eqx.field(static=True)  # legs end this far before an edge, domain units
+
+
+class Zones(eqx.Module):
+    """The no-go zones of a scenario as arrays, padded as their borders: nothing leads to a corner that is none."""
+
+    borders: Borders
     legs: Float[Array, "v v"]  # length of the straight leg between two corners, inf where a zone is between them
     ways: Float[Array, "v v"]  # length of the shortest way
     places: Float[Array, "q 2"]  # the points of the evaluation grid, those at the edge of a zone moved out of it
@@ -52,7 +60,6 @@ class Zones(eqx.Module):
         Array, "v q"
     ]  # length of the shortest way from each corner to each of them, inf where there is none
     to_middle: Float[Array, "g g"]  # length of the shortest way from the grid's points (x, y) to the domain's middle
-    margin: float = eqx.field(static=True)  # legs end this far before an edge, domain units
 
 
 class FreeSpace:
@@ -77,6 +84,10 @@ class FreeSpace:
         self.legs = _lengths(self.corners, self.corners, self._core)  # (v, v), inf where a zone is between two
         np.fill_diagonal(self.legs, np.inf)
 
+    def straight(self, points: Float[np.ndarray, "q 2"], ends: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "q t"]:
+        """Length of the straight leg from each point to each end, domain units; inf: a zone is between."""
+        return _lengths(points, ends, self._core)
+
     def ways_to(self, points: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "v t"]:
         """Length of the shortest way from each corner to each point of `outside`, domain units; inf: there is none."""
         return _shortest(self.legs, _lengths(self.corners, points, self._core))
@@ -86,6 +97,12 @@ class FreeSpace:
         straight = _lengths(points, end[None], self._core)[:, 0]
         around = _lengths(points, self.corners, self._core) + self.ways_to(end[None])[:, 0]
         return np.minimum(straight, around.min(axis=1, initial=np.inf))
+
+    def length_between(self, point: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]) -> float:
+        """Length of the shortest way between two points, which may lie at the edge of a zone; inf: there is none."""
+        moved, reached = self.moved_out(np.stack([point, end]))
+        steps = np.hypot(*(moved - np.stack([point, end])).T).sum()
+        return float(self.lengths_to(moved[:1], moved[1])[0] + steps) if reached.all() else math.inf
 
     def moved_out(self, points: Float[np.ndarray, "q 2"]) -> tuple[np.ndarray, np.ndarray]:
         """Points at the edge of a zone moved to where ways may end; True for all but those too deep in a zone."""
@@ -112,17 +129,10 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
     size = max(scenario.extent)
     places, reached = free.moved_out(np.asarray(evaluation_grid(scenario.grid, scenario.extent), np.float64))
     to_place = np.where(reached, free.ways_to(places), np.inf)
-    e = rounded(max(len(free.edges), edges), _EDGES)
-    v = rounded(max(len(free.corners), corners), _CORNERS)
-    along = free.edges[:, 1] - free.edges[:, 0]
-    length = np.hypot(along[:, 0], along[:, 1])
+    borders = borders_of(free, scenario.extent, edges, corners)
+    v = len(borders.corners)
     return Zones(
-        begin=padded(free.edges[:, 0], (e, 2), 0.0),
-        along=padded(along / length[:, None], (e, 2), 0.0),
-        sharp=padded(free.sharp, (e, 2), False),
-        # Shorter than nothing by more than any tolerance: never met.
-        length=padded(length, (e,), -1e3 * size),
-        corners=padded(free.corners, (v, 2), -size),
+        borders=borders,
         legs=padded(free.legs, (v, v), np.inf),
         ways=padded(free.ways_to(free.corners), (v, v), np.inf),
         # A place that cannot be reached must not seem to be in sight either.
@@ -131,6 +141,23 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
         to_middle=jnp.asarray(
             _to_middle(free, scenario, places, reached).reshape(scenario.grid, scenario.grid), jnp.result_type(float)
         ),
+    )
+
+
+def borders_of(free: FreeSpace, extent: tuple[float, float], edges: int = 0, corners: int = 0) -> Borders:
+    """The borders of what is free, padded to at least `edges` and `corners`."""
+    size = max(extent)
+    e = rounded(max(len(free.edges), edges), _EDGES)
+    v = rounded(max(len(free.corners), corners), _CORNERS)
+    along = free.edges[:, 1] - free.edges[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    return Borders(
+        begin=padded(free.edges[:, 0], (e, 2), 0.0),
+        along=padded(along / length[:, None], (e, 2), 0.0),
+        sharp=padded(free.sharp, (e, 2), False),
+        # Shorter than nothing by more than any tolerance: never met.
+        length=padded(length, (e,), -1e3 * size),
+        corners=padded(free.corners, (v, 2), -size),
         margin=_MARGIN * free.clearance,
     )
 
@@ -148,10 +175,16 @@ def _to_middle(free: FreeSpace, scenario: Scenario, places: np.ndarray, reached:
     if scenario.starts is not None:
         sizes = -shapely.distance(parts, shapely.Point(scenario.starts[0]))
     near = shapely.get_coordinates(shapely.shortest_line(parts[np.argmax(sizes)], shapely.Point(middle)))[0]
-    lengths = np.where(reached, free.lengths_to(places, near), np.inf)
+    return everywhere(np.where(reached, free.lengths_to(places, near), np.inf), places, middle)
+
+
+def everywhere(
+    lengths: Float[np.ndarray, " q"], places: Float[np.ndarray, "q 2"], end: Float[np.ndarray, "2"]
+) -> Float[np.ndarray, " q"]:
+    """The lengths of ways from places to an end, those without a way (inf) counted as the nearest one that has any."""
     found = np.isfinite(lengths)
     if not found.any():
-        return np.linalg.norm(places - middle, axis=1)
+        return np.linalg.norm(places - end, axis=1)
     offset = np.linalg.norm(places[:, None] - places[found], axis=-1)
     nearest = np.argmin(offset, axis=1)
     return np.where(found, lengths, lengths[found][nearest] + offset[np.arange(len(places)), nearest])

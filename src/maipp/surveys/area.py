@@ -34,7 +34,7 @@ class FreeSpace:
     """The region that routes keep to, and the starts in it."""
 
     region: Polygon  # with islands as holes; a border of it lies `margin` or more inside the true one
-    starts: Float[np.ndarray, "m 2"]  # where each robot sets out, inside the region
+    starts: Float[np.ndarray, "s 2"]  # where each robot sets out, and other places of its, inside the region
     margin: float  # metres: least distance of the region from what it must keep out of
     warnings: tuple[str, ...]
 
@@ -46,6 +46,7 @@ class Start:
     place: tuple[float, float]  # local metres
     where: str  # file, line and key, for errors
     name: str  # the robot's
+    what: str = "start"  # or its end
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,9 @@ def free_space(
     for start, home in zip(starts, homes, strict=True):
         if home != homes[0]:
             raise InputError(
-                f"{start.where}: {start.name} starts in a part of the area ({_square(parts[home].area)}) that no route "
-                f"joins to the part of {starts[0].name} ({_square(parts[homes[0]].area)}); survey them one by one, or "
-                "give a smaller clearance_m"
+                f"{start.where}: {start.name} {start.what}s in a part of the area ({_square(parts[home].area)}) that "
+                f"no route joins to the part of {starts[0].name} ({_square(parts[homes[0]].area)}); survey them one by "
+                "one, or give a smaller clearance_m"
             )
     region = parts[homes[0]]
     others = [part for index, part in enumerate(parts) if index != homes[0]]
@@ -123,7 +124,7 @@ def free_space(
         place, distance = _into(region, start.place, longest)
         moved.append(place)
         if distance > 1.0:
-            warnings.append(f"{start.name}: the start is moved {distance:.0f} m, to {told.place(Point(place))}")
+            warnings.append(f"{start.name}: the {start.what} is moved {distance:.0f} m, to {told.place(Point(place))}")
     return FreeSpace(region, np.array(moved), margin, tuple(warnings))
 
 

@@ -84,6 +84,16 @@ def starts_of(survey: Survey, place: Place) -> list[Start]:
     return starts
 
 
+def ends_of(survey: Survey, place: Place) -> list[list[Start]]:
+    """The places where each robot may end, local metres; none where it is its start, or anywhere."""
+    ends: list[list[Start]] = []
+    for robot in survey.robots:
+        written = np.array(robot.end if isinstance(robot.end, tuple) else ()).reshape(-1, 2)
+        plane = [place.frame.to_plane(to_user(each, place.crs, robot.end_where)).tolist() for each in written]
+        ends.append([Start((x, y), robot.end_where, robot.name, "end") for x, y in plane])
+    return ends
+
+
 def _polygon(written: Rings, own: Crs) -> Polygon:
     """A polygon as written, in the user's coordinates."""
     crs = file_system(written.crs, own, written.where)

@@ -1,5 +1,6 @@
 """From a mission file to the one problem that every planner knows: domain units and standardised values."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from maipp.records import FieldError
 from maipp.scenario import Scenario
 from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
-from maipp.surveys.place import Place, find_place, starts_of
+from maipp.surveys.place import Place, ends_of, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
 from maipp.surveys.survey import Survey
 from maipp.typing import Float
@@ -87,8 +88,9 @@ def prepare(
     but possible is in `warnings`.
     """
     place = find_place(survey)
-    starts, told = starts_of(survey, place), PlaceNames(place.frame)
-    space = free_space(place.area, place.no_go, starts, survey.clearance_m, survey.where("area"), told)
+    starts, ends, told = starts_of(survey, place), ends_of(survey, place), PlaceNames(place.frame)
+    every = [*starts, *itertools.chain.from_iterable(ends)]
+    space = free_space(place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told)
     prior = find_prior(survey, place, space)
     warnings = [*place.warnings, *space.warnings, *prior.warnings]
     scenario = _scenario(survey, prior, space, warnings)
@@ -138,13 +140,16 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
     width, height = frame.domain
     free = shapely.transform(space.region, frame.plane_to_domain)
     fastest = max(robot.speed for robot in survey.robots)
-    starts = frame.plane_to_domain(space.starts)
+    places = np.clip(frame.plane_to_domain(space.starts), 0.0, frame.domain).tolist()
+    starts, ends = places[: len(survey.robots)], _ends(survey, places)
     nodes = _nodes(space.region)
     values: dict[str, Any] = {
         "agents": len(survey.robots),
         "budget": [robot.budget_m / scale for robot in survey.robots],
         "speed": [robot.speed / fastest for robot in survey.robots],
-        "start": [[min(max(x, 0.0), width), min(max(y, 0.0), height)] for x, y in starts.tolist()],
+        "start": starts,
+        "end": ends if any(ends) else None,
+        "reserve": [robot.reserve_m / scale for robot in survey.robots],
         "comm_range": None if survey.communication_range_m is None else survey.communication_range_m / scale,
         "measurement_interval": survey.measurement_spacing_m / scale,
         "extent": [width, height],
@@ -164,12 +169,44 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
         told = {"measurement_interval": "measurement_spacing_m", "comm_range": "communication_range_m"}
         named = f"scenario.{key}" if key in survey.scenario else told.get(key, "robots" if key == "budget" else key)
         raise InputError(f"{survey.where(named)}: {error.problem}") from None
+    if scenario.homes:
+        _check_ends(survey, scenario, scale)
     if not _inside(free, scenario.grid, frame.domain).any():
         raise InputError(
             f"{survey.where('area')}: so narrow that no point of the evaluation grid lies in it; "
             "give scenario.grid above 60, or a smaller clearance_m"
         )
     return scenario
+
+
+def _ends(survey: Survey, places: list[list[float]]) -> list[list[list[float]]]:
+    """Where each robot may end, of its start and the further places in the order of the robots; none: anywhere."""
+    further, ends = iter(places[len(survey.robots) :]), []
+    for robot, start in zip(survey.robots, places, strict=False):
+        own = list(itertools.islice(further, len(robot.end) if isinstance(robot.end, tuple) else 0))
+        home = robot.end == "start" or (robot.end is None and survey.return_home)
+        ends.append([start] if home else own)
+    return ends
+
+
+def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
+    """Raise `InputError` for a robot whose budget does not take it to its end."""
+    from maipp.roadmap import zones  # imports JAX, which a mission without ends can be checked without
+
+    for index, (robot, places) in enumerate(zip(survey.robots, scenario.ends_from(scenario.starts), strict=True)):
+        if not places:
+            continue
+        start, ends = np.array(scenario.starts or ())[index], np.array(places)
+        away = float(np.linalg.norm(ends - start, axis=1).min())
+        if scenario.obstacles:
+            free = zones.free_space(scenario.obstacles, scenario.extent)
+            away = min(free.length_between(start, end) for end in ends)
+        spendable = robot.budget_m - robot.reserve_m
+        if away * scale > spendable:
+            raise InputError(
+                f"{robot.end_where}: {robot.name} ends {away * scale:.0f} m away by the shortest way, and may travel "
+                f"{spendable:.0f} m without its reserve; give a nearer end or a larger budget"
+            )
 
 
 def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[str, float]:

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from maipp.geo import Crs
 from maipp.missions.vehicle import Vehicle
 from maipp.records import Within, described
+from maipp.records.kinds import Each
 from maipp.seeds import LARGEST_SEED
 from maipp.surveys.geojson import Rings
 
@@ -26,6 +27,7 @@ _Above0 = Annotated[float, Within(above=1e-30, most=1e30)]
 Metres = Annotated[_Above0, "a length > 0, in metres"]
 _NotNegative = Annotated[float, Within(0, most=1e30)]
 Column = Annotated[Text, "the name of an array or column"]
+Share = Annotated[float, Within(0, most=0.95), "a share of the budget from 0 to 0.95, such as 0.2 or 20 %"]
 Fields = Annotated[int, Within(1, most=10_000), "a raster, or a number of fields from 1 to 10000"]
 
 
@@ -37,7 +39,10 @@ class Robot:
     start: Pair  # in the mission's coordinates
     budget_m: float  # longest path it may travel, metres
     speed: float  # metres per second
+    end: tuple[Pair, ...] | Literal["start"] | None = None  # any of these places; None: anywhere
+    reserve_m: float = 0.0  # of the budget, what is not to be spent, metres
     where: str = "robots"  # file, line and key, for errors
+    end_where: str = "robots"
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,10 @@ class RobotKeys:
     name: Annotated[Text, "a name"] | None = None
     budget_m: Metres | None = None
     budget_minutes: Annotated[_Above0, "a time > 0, in minutes"] | None = None
+    end: Literal["start"] | Pair | Each[Pair] | None = None
+    reserve: Share | None = None  # of the budget
+    reserve_m: Annotated[_NotNegative, "a length >= 0, in metres"] | None = None
+    reserve_minutes: Annotated[_NotNegative, "a time >= 0, in minutes"] | None = None
 
 
 @dataclass(frozen=True)
@@ -135,6 +144,7 @@ class Survey:
     kernel: Kernel = Kernel()
     communication_range_m: Annotated[Metres, "a length > 0, in metres, or null for any distance"] | None = None
     vehicle: Vehicle = Vehicle()  # whom the mission files are for
+    return_home: bool = False  # robots without an end return to their start
     planner: Annotated[Text, "the name of a planner"] = DEFAULT_PLANNER
     planner_options: Annotated[dict[str, Any], "a mapping of options to values"] = field(default_factory=dict)
     scenario: Mapping[str, Any] = field(default_factory=dict)  # settings of the scenario that the file changes

@@ -4,18 +4,31 @@ import dataclasses
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from maipp.errors import InputError
 from maipp.files import read_text
 from maipp.geo import WGS84, Crs, read_crs
 from maipp.missions.vehicle import Vehicle
-from maipp.records import Misfit, Value, fit, read_yaml, show
+from maipp.records import Misfit, Value, expected, fit, read_yaml, show
+from maipp.records.kinds import Each
 from maipp.surveys import survey as records
 from maipp.surveys.geojson import Rings, load_geojson, polygons_in
-from maipp.surveys.survey import AREA, Metres, Number, Pair, RasterArea, Rehearsal, Robot, SampleFile, Survey, Text
+from maipp.surveys.survey import (
+    AREA,
+    Metres,
+    Number,
+    Pair,
+    RasterArea,
+    Rehearsal,
+    Robot,
+    SampleFile,
+    Share,
+    Survey,
+    Text,
+)
 
-KEYS = tuple(key for key in Survey.__dataclass_fields__ if key not in ("source", "lines"))
+KEYS = tuple(key for key in Survey.__dataclass_fields__ if key not in ("source", "lines", "return_home"))
 ROBOT_KEYS = tuple(records.RobotKeys.__dataclass_fields__)
 KERNEL_KEYS = tuple(records.Kernel.__dataclass_fields__)
 SAMPLE_KEYS = tuple(key for key in SampleFile.__dataclass_fields__ if key != "where")
@@ -34,6 +47,7 @@ SCENARIO_KEYS = (
     "last_leg",
 )
 _MOST_ROBOTS = 100
+_End = Literal["start"] | Pair | Each[Pair]
 _Readers = dict[str, Callable[[Value], Any]]
 
 
@@ -60,6 +74,8 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         "raster": lambda value: _file(value, folder, "the path of a raster"),
         "file": lambda value: _file(value, folder, "the path of a CSV file"),
         "start": lambda value: value.fit(Pair, f"a start; give {axes}"),
+        "end": lambda value: value.fit(_End, f"an end; give start, {axes}, or a list of such"),
+        "reserve": _share,
     }
     survey = root.record(
         Survey,
@@ -75,6 +91,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         },
         source=source,
         lines=root.lines,
+        return_home=_returns(root),
     )
     if survey.below and survey.threshold is None:
         root["below"].wrong("says on which side of the threshold values matter, but there is none; give threshold")
@@ -88,6 +105,15 @@ def _file(value: Value, folder: Path, allowed: str) -> Path:
     except (OSError, ValueError):  # a name too long, or with characters that no name has
         found = False
     return path if found else value.wrong(f"no file {path}")
+
+
+def _share(value: Value) -> float:
+    """A share of the budget, as a number or with a percent sign."""
+    text = value.value.strip() if isinstance(value.value, str) else ""
+    try:
+        return fit(Share, float(text[:-1]) / 100 if text.endswith("%") else value.value)
+    except (Misfit, ValueError):
+        return value.unfit(expected(Share))
 
 
 def _crs(value: Value) -> Crs:
@@ -139,19 +165,35 @@ def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[Robot, ...
         if (keys.budget_m is None) == (keys.budget_minutes is None):
             item.wrong("give one of budget_m and budget_minutes")
         budget = keys.budget_m or (keys.budget_minutes or 0.0) * 60.0 * keys.speed
-        if budget < spacing:
+        reserve = _reserve(item, keys, budget)
+        if budget - reserve < spacing:
             given = item["budget_m" if keys.budget_m else "budget_minutes"]
             given.wrong(
-                f"{show(given.value)} allows {budget:.4g} m, less than measurement_spacing_m ({spacing:g} m), "
-                "so nothing would be measured; give more budget or a smaller spacing"
+                f"{show(given.value)} allows {budget - reserve:.4g} m, less than measurement_spacing_m "
+                f"({spacing:g} m), so nothing would be measured; give more budget or a smaller spacing"
             )
         name = keys.name or f"robot-{index + 1}"
         if name in robots:
             (item["name"] if keys.name else item).wrong(
                 f"{show(name)} is the name of an earlier robot; give each its own"
             )
-        robots[name] = Robot(name, keys.start, budget, keys.speed, item["start"].place)
+        end: Any = keys.end  # one place is a list of one
+        end = (end,) if isinstance(end, tuple) and not isinstance(end[0], tuple) else end
+        places = {"where": item["start"].place, "end_where": (item["end"] if "end" in item else item).place}
+        robots[name] = Robot(name, keys.start, budget, keys.speed, end, reserve, **places)
     return tuple(robots.values())
+
+
+def _reserve(item: Value, keys: records.RobotKeys, budget: float) -> float:
+    """What of a robot's budget is not to be spent, metres."""
+    given = [key for key in ("reserve", "reserve_m", "reserve_minutes") if getattr(keys, key) is not None]
+    if len(given) > 1:
+        item.wrong(f"give one of {' and '.join(given)}")
+    minutes = (keys.reserve_minutes or 0.0) * 60.0 * keys.speed
+    reserve = keys.reserve_m or minutes or (keys.reserve or 0.0) * budget
+    if reserve >= budget:
+        item[given[0]].wrong(f"{reserve:.4g} m is not below the budget, {budget:.4g} m; give less")
+    return reserve
 
 
 def _vehicle(value: Value) -> Vehicle:
@@ -160,12 +202,20 @@ def _vehicle(value: Value) -> Vehicle:
     if isinstance(value.value, dict):
         value.mapping(VEHICLE_KEYS)
         given = {key.removesuffix("_m"): value[key].fit(kind) for key, kind in _VEHICLE.items() if key in value}
+        given.pop("return_home", None)  # is the robots' business
     elif not isinstance(value.value, str):
         value.unfit("a vehicle; give boat, rover or copter")
     try:
         return Vehicle(**given)
     except InputError as error:
         return value.wrong(str(error))
+
+
+def _returns(root: Value) -> bool:
+    """Whether the vehicles are to come home."""
+    vehicle = root["vehicle"] if "vehicle" in root else None
+    known = vehicle is not None and isinstance(vehicle.value, dict) and "return_home" in vehicle
+    return vehicle["return_home"].fit(bool) if vehicle is not None and known else False
 
 
 def _samples(value: Value, readers: _Readers) -> SampleFile:

@@ -19,7 +19,9 @@ clearance_m: 5                   # distance to keep from the border and the zone
 # The team. The start lies in the area or on its border. Give budget_m or budget_minutes.
 robots:
   - {name: boat-1, start: [4.7302, 52.2402], speed: 1.5, budget_m: 2500}
-  - {name: boat-2, start: [4.7306, 52.2402], speed: 1.2, budget_minutes: 40}
+  - {name: boat-2, start: [4.7306, 52.2402], speed: 1.2, budget_minutes: 40, end: start, reserve: 20 %}
+# end: where a robot ends, start, a position, or a list of which any will do (default anywhere); the way is around zones
+# reserve: 20 %                  # what of its budget is not spent; or reserve_m: 500, reserve_minutes: 10 (default 0)
 measurement_spacing_m: 100       # distance travelled between two measurements
 # communication_range_m: 500     # how far robots hear each other (default: at any distance)
 

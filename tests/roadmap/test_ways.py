@@ -8,8 +8,8 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from maipp.planners.detour import long_run, waypoints, ways_from
 from maipp.roadmap import Obstacles, zones_of
+from maipp.roadmap.ways import long_run, waypoints, ways_from
 from maipp.scenario import Scenario
 from tests.shared.random_areas import CORNERS, EDGES, random_area
 

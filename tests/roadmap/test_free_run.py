@@ -8,9 +8,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maipp.planners.free_run import cut, free_share
 from maipp.planners.headings import bend, walk_bent
 from maipp.roadmap import Obstacles, zones_of
+from maipp.roadmap.free_run import cut, free_share
 from maipp.roadmap.zones import CLEARANCE
 from maipp.scenario import Scenario
 from tests.shared.random_areas import CORNERS, EDGES, random_area
@@ -42,10 +42,11 @@ def crossed(obstacles, start, end):
 def test_what_is_left_of_a_leg_crosses_no_zone_and_little_is_lost(seed):
     scenario = random_area(seed).scenario
     obstacles, zones = Obstacles(scenario.obstacles), zones_of(scenario, EDGES, CORNERS)
+    assert zones is not None
     rng = np.random.default_rng(seed)
     start = free_points(obstacles, rng, LEGS)
     end = rng.random((len(start), 2)).astype(np.float32)
-    last = np.asarray(cut_(zones, start, end))
+    last = np.asarray(cut_(zones.borders, start, end))
     assert not crossed(obstacles, start, last)
     # A leg stops for nothing but what is near: its end, or a place just beside the way.
     legs = np.asarray(shapely.linestrings(np.stack([start, last], axis=1).astype(float)))
@@ -60,6 +61,7 @@ def test_what_is_left_of_a_leg_crosses_no_zone_and_little_is_lost(seed):
 def test_bent_legs_and_whole_plans_keep_out(seed):
     scenario = random_area(seed).scenario
     obstacles, zones = Obstacles(scenario.obstacles), zones_of(scenario, EDGES, CORNERS)
+    assert zones is not None
     rng = np.random.default_rng(seed)
     start = jnp.asarray(free_points(obstacles, rng, 1)[0])
     plans = jnp.asarray(rng.normal(size=(64, 4, 2)), jnp.float32)
@@ -77,11 +79,12 @@ def test_bent_legs_and_whole_plans_keep_out(seed):
 
 def test_whoever_stands_on_a_border_may_go_away_but_not_in():
     zones = zones_of(Scenario(obstacles=(SQUARE,)))
+    assert zones is not None
     start = jnp.array([[0.25, 0.5], [0.5, 0.25], [0.2495, 0.5]])
     away = jnp.array([[0.05, 0.6], [0.6, 0.05], [0.05, 0.4]])
     into = jnp.array([[0.45, 0.6], [0.6, 0.45], [0.45, 0.4]])
-    np.testing.assert_array_equal(cut_(zones, start, away), away)
-    last = cut_(zones, start, into)
+    np.testing.assert_array_equal(cut_(zones.borders, start, away), away)
+    last = cut_(zones.borders, start, into)
     assert (np.linalg.norm(last - start, axis=1) < 2e-3).all()
     assert not crossed(Obstacles([SQUARE]), start, last)
 
@@ -92,23 +95,25 @@ def test_a_leg_from_a_corner_is_stopped_only_where_it_leads_into_the_zone(angle)
     assert zones is not None
     corner = jnp.array([0.25, 0.25])
     end = corner + 0.2 * jnp.array([np.cos(angle), np.sin(angle)])
-    share = float(free_share(zones, corner, end))
+    share = float(free_share(zones.borders, corner, end))
     assert share == (0.0 if angle < np.pi / 2 else 1.0)
 
 
 def test_no_leg_slips_through_a_corner():
     zones = zones_of(Scenario(obstacles=(SQUARE,)))
+    assert zones is not None
     angle = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
     corner = np.array([0.25, 0.25])
     start = np.clip(corner - 0.2 * np.stack([np.cos(angle), np.sin(angle)], axis=1), 0, 1).astype(np.float32)
     free = Obstacles([SQUARE]).free(start.astype(float))
     end = (2 * corner - start).astype(np.float32)
-    last = cut_(zones, start[free], end[free])
+    last = cut_(zones.borders, start[free], end[free])
     assert not crossed(Obstacles([SQUARE]), start[free], last)
 
 
 def test_slopes_stay_finite_at_a_wall():
     zones = zones_of(Scenario(obstacles=(SQUARE,)))
+    assert zones is not None
     plans = jnp.array([[[1.0, 0.0], [1.0, 0.0]], [[0.5, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]]])
 
     def total(plans):

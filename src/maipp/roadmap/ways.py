@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from maipp.planners.free_run import free_share, is_free
-from maipp.roadmap.zones import Zones
+from maipp.roadmap.free_run import free_share, is_free
+from maipp.roadmap.zones import Borders, Zones
 from maipp.typing import Array, Extent, Float, Index, Int, Point
 
 # Waypoints of a way that are looked up: turns, and its end if it comes this early. Whoever travels looks again.
@@ -15,11 +15,11 @@ TURNS = 5
 _DIRECTIONS = 32
 
 
-def sight(zones: Zones, here: Point) -> Float[Array, " v"]:
+def sight(borders: Borders, here: Point) -> Float[Array, " v"]:
     """Distance to each corner of the zones that is in sight from `here`, domain units; inf for the others."""
-    offset = zones.corners - here
+    offset = borders.corners - here
     distance = jnp.sqrt(jnp.sum(offset * offset, axis=-1))
-    return jnp.where(is_free(zones, here, zones.corners), distance, jnp.inf)
+    return jnp.where(is_free(borders, here, borders.corners), distance, jnp.inf)
 
 
 class Ways(NamedTuple):
@@ -34,8 +34,8 @@ class Ways(NamedTuple):
 def ways_from(zones: Zones, here: Point, ends: Float[Array, "t 2"], onward: Float[Array, "v t"]) -> Ways:
     """Shortest ways from `here` to `ends`, to which `onward` has the ways from the corners."""
     offset = ends - here
-    straight = jnp.where(is_free(zones, here, ends), jnp.sqrt(jnp.sum(offset * offset, axis=-1)), jnp.inf)
-    around = sight(zones, here)[:, None] + onward
+    straight = jnp.where(is_free(zones.borders, here, ends), jnp.sqrt(jnp.sum(offset * offset, axis=-1)), jnp.inf)
+    around = sight(zones.borders, here)[:, None] + onward
     best = jnp.argmin(around, axis=0).astype(jnp.int32)
     shortest = jnp.min(around, axis=0)
     return Ways(ends, jnp.minimum(straight, shortest), jnp.where(straight <= shortest, -1, best), onward)
@@ -46,7 +46,7 @@ def waypoints(zones: Zones, ways: Ways, index: Index) -> Float[Array, "w 2"]:
     end, onward = ways.ends[index], ways.onward[:, index]
     corner, points = ways.first[index], []
     for _ in range(TURNS):
-        points.append(jnp.where(corner < 0, end, zones.corners[corner]))
+        points.append(jnp.where(corner < 0, end, zones.borders.corners[corner]))
         via = zones.legs[corner] + onward
         # A leg straight to the end is no longer than by way of another corner.
         ahead = jnp.min(via) <= onward[corner] * (1.0 + 1e-6)
@@ -59,11 +59,11 @@ def long_run(zones: Zones, here: Point, step: Float[Array, ""], extent: Extent) 
     angle = 2.0 * jnp.pi / _DIRECTIONS * jnp.arange(_DIRECTIONS)
     ends = here + step * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     # In a narrow passage only its corners may be in sight.
-    offset = zones.corners - here
+    offset = zones.borders.corners - here
     distance = jnp.sqrt(jnp.sum(offset * offset, axis=-1, keepdims=True))
     ends = jnp.concatenate([ends, here + offset * jnp.minimum(step / jnp.maximum(distance, 1e-9), 1.0)])
     ends = jnp.clip(ends, 0.0, jnp.asarray(extent, here.dtype))
-    share = free_share(zones, here, ends)
+    share = free_share(zones.borders, here, ends)
     run = share * jnp.sqrt(jnp.sum((ends - here) ** 2, axis=-1))
     best = jnp.argmax(run)
     return here + share[best] * (ends[best] - here)
