@@ -119,7 +119,7 @@ def test_the_dump_reads_as_a_person_would_write_it():
     )
     text = dump_scenario(scenario, comments=False)
     assert "agents: 3\nbudget: 3.0\n" in text
-    assert "start:\n- [0.0, 0.5]\n- [1.0, 0.5]\n- [0.0, 0.0]\ncomm_range: null\n" in text
+    assert "start:\n- [0.0, 0.5]\n- [1.0, 0.5]\n- [0.0, 0.0]\nend: null\nreserve: 0.0\ncomm_range: null\n" in text
     assert "obstacles:\n- - [0.0, 0.0]\n  - [1.0, 0.0]\n  - [0.0, 1.0]\nfield: a b.npy\n" in text
     assert "mixture_components: [8, 12]\n" in text and "noise: 1.0e-06\n" in text
 

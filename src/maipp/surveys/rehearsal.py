@@ -19,7 +19,7 @@ from maipp.engine.score import Standing, moments_of, standing, taken_by
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
-from maipp.surveys.survey import Rehearsal, Robot, Survey
+from maipp.surveys.survey import Rehearsal, Survey
 from maipp.typing import Array, Float
 
 # Mixed into the seed, so that the drawn fields share no key with the starts and the planners.
@@ -78,7 +78,7 @@ def with_robots(survey: Survey, count: int) -> Survey:
         name, taken = f"robot-{len(robots) + 1}", [robot.name for robot in robots]
         while name in taken:
             name += "-more"
-        robots.append(Robot(name, *(getattr(robots[-1], key) for key in ("start", "budget_m", "speed", "where"))))
+        robots.append(dataclasses.replace(robots[-1], name=name))
     return dataclasses.replace(survey, robots=tuple(robots))
 
 
