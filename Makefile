@@ -63,5 +63,5 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 # After .installed, so that two pips never write to one environment under make -j.
 $(VENV)/.installed-dev: $(VENV)/.installed
 	@echo "installing the development tools into $(VENV)"
-	@$(PIP) --no-build-isolation --editable '.[dev,geo,rl,docs]'
+	@$(PIP) --no-build-isolation --editable '.[dev,geo,gis,rl,docs]'
 	@touch $@

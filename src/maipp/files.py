@@ -28,6 +28,23 @@ def read_text(path: str | os.PathLike[str], what: str, give: str) -> str:
         raise InputError(f"{str(path)!r}: not the name of a file") from None
 
 
+def read_bytes(path: str | os.PathLike[str], what: str, most: int) -> bytes:
+    """The content of a file of at most so many bytes.
+
+    Raises `InputError` where it is larger or cannot be read; `what` says what it holds.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read(most + 1)
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the {what}: {error.strerror or error}") from None
+    except ValueError:  # a NUL in the name
+        raise InputError(f"{str(path)!r}: not the name of a file") from None
+    if len(content) > most:
+        raise InputError(f"{path}: has more than {most / 1e6:.0f} MB; cut or simplify it")
+    return content
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path`, with its suffix, that replaces it when the block ends without an error.

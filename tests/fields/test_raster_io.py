@@ -298,3 +298,27 @@ def test_a_line_without_values_is_no_header(tmp_path):
     (tmp_path / "f.csv").write_text("nan;NaN\n1,5;2,5\n3,5;4,5\n")
     data = load_raster(tmp_path / "f.csv", gaps="nearest")
     np.testing.assert_array_equal(data.values, [[1.5, 2.5], [1.5, 2.5], [3.5, 4.5]])
+
+
+@pytest.mark.parametrize("stray", [-9999.0, -32768.0, 1e20])
+def test_what_looks_like_no_value_counts_as_none_and_is_told(stray, tmp_path):
+    values = np.arange(20.0).reshape(4, 5)
+    values[1, 2] = values[3, 4] = stray
+    path = tmp_path / "map.npz"
+    np.savez(path, z=values, x=np.arange(5.0), y=np.arange(4.0))
+    data = load_raster(path, gaps="nearest")
+    assert data.missing is not None and np.argwhere(data.missing).tolist() == [[1, 2], [3, 4]]
+    assert data.values.max() < 20 and data.notes == (
+        f"{path}: 2 cells hold {stray:.10g}, which looks like no value; taken as none",
+    )
+    with pytest.raises(InputError, match="2 cells hold .* which looks like no value; fill the gaps"):
+        load_raster(path)
+
+
+@pytest.mark.parametrize("least", [-99.0, -9998.0, -12.0])
+def test_a_value_among_others_or_of_no_such_kind_stands(least, tmp_path):
+    values = np.arange(20.0).reshape(4, 5) * (10.0 if least == -99.0 else 1.0)
+    values[1, 2] = least
+    np.savez(tmp_path / "map.npz", z=values, x=np.arange(5.0), y=np.arange(4.0))
+    data = load_raster(tmp_path / "map.npz", gaps="nearest")
+    assert data.missing is None and data.values.min() == least and not data.notes

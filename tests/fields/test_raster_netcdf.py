@@ -129,7 +129,7 @@ BAD = {
         {},
         "not clear which are x and y",
     ),
-    "a time to choose": (STACK, {}, r"3 dimensions \(time: 2, lat: 3, lon: 4\).*at=\{'time': 0\} \(0 to 1\)"),
+    "a time to choose": (STACK, {}, r"3 dimensions \(time: 2, lat: 3, lon: 4\).*at \{time: 0\} \(0 to 1\)"),
     "no such time": (STACK, {"at": {"time": 2}}, "time=2 is not there; give 0 to 1"),
     "no such dimension": (STACK, {"at": {"depth": 0}}, "no dimension 'depth'; there is: time, lat, lon"),
     "no variable": (xarray.Dataset(coords={"lat": LAT}), {}, "no variable of two or more dimensions"),

@@ -1,6 +1,8 @@
 """Targets of the survey: samples, areas, mission files, requests of a live survey."""
 
+import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,8 @@ from maipp.fields.samples import load_samples
 from maipp.geo import WGS84
 from maipp.live.events import read_event
 from maipp.live.request import parse_line
-from maipp.surveys.geojson import load_geojson, to_polygon
 from maipp.surveys.place import find_place
+from maipp.surveys.shapes import load_drawing, to_polygon
 from maipp.surveys.survey_io import load_survey
 from maipp.surveys.template import TEMPLATE
 
@@ -85,7 +87,7 @@ def _event(path: Path) -> Any:
 
 
 def _area(path: Path) -> Any:
-    polygons = [to_polygon(written, written.crs or WGS84) for written in load_geojson(path)]
+    polygons = [to_polygon(written, written.crs or WGS84) for written in load_drawing(path).polygons]
     return [np.array(polygon.exterior.coords) for polygon in polygons]
 
 
@@ -94,9 +96,49 @@ def _survey(path: Path) -> Any:
     return place.frame, place.area.bounds
 
 
+_LAKE = "4.73,52.24,0 4.746,52.24 4.748,52.246 4.73,52.24"
+
+
+def _kml_seeds() -> list[bytes]:
+    ring = f"<LinearRing><coordinates>{_LAKE}</coordinates></LinearRing>"
+    hole = "<LinearRing><coordinates>4.74,52.241 4.745,52.241 4.745,52.243</coordinates></LinearRing>"
+    polygon = f"<Polygon><outerBoundaryIs>{ring}</outerBoundaryIs><innerBoundaryIs>{hole}</innerBoundaryIs></Polygon>"
+    mark = f"<Placemark><name>Lake</name><MultiGeometry>{polygon}<Point/></MultiGeometry></Placemark>"
+    text = f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Folder><name>no-go</name>{mark}</Folder></Document></kml>'
+    return [text.encode(), f'<?xml version="1.0" encoding="UTF-16"?>{text}'.encode("utf-16")]
+
+
+def _kmz_seeds() -> list[bytes]:
+    seeds = []
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        file = io.BytesIO()
+        with zipfile.ZipFile(file, "w", method) as archive:
+            archive.writestr("doc.kml", _kml_seeds()[0])
+        seeds.append(file.getvalue())
+    return seeds
+
+
+def _gpx_seeds() -> list[bytes]:
+    places = [each.split(",")[:2] for each in _LAKE.split()]
+    points = "".join(f'<trkpt lon="{x}" lat="{y}"><time>2026-05-01T10:00:00Z</time></trkpt>' for x, y in places)
+    return [f"<gpx><wpt lat='1' lon='2'/><trk><name>a</name><trkseg>{points}</trkseg></trk></gpx>".encode()]
+
+
+def _plan_seeds() -> list[bytes]:
+    lake = [[52.24, 4.73], [52.24, 4.746], [52.246, 4.748]]
+    circle = {"inclusion": False, "circle": {"center": [52.241, 4.74], "radius": 50}, "version": 1}
+    fence = {"polygons": [{"inclusion": True, "polygon": lake, "version": 1}], "circles": [circle], "version": 2}
+    mission = {"items": [{"type": "ComplexItem", "polygon": lake}], "plannedHomePosition": [52.24, 4.73, 0]}
+    return [json.dumps({"fileType": "Plan", "version": 1, "geoFence": fence, "mission": mission}).encode()]
+
+
 SURVEY_TARGETS: dict[str, Target] = {
     "samples": Target(".csv", load_samples, _samples_seeds, _WORDS),
     "area-geojson": Target(".geojson", _area, _geojson_seeds, _GEO),
+    "area-kml": Target(".kml", _area, _kml_seeds, (b"<Polygon>", b"<coordinates>", b"</", b"&#", b"<!DOCTYPE", b",")),
+    "area-kmz": Target(".kmz", _area, _kmz_seeds, (b"PK", b"doc.kml")),
+    "area-gpx": Target(".gpx", _area, _gpx_seeds, (b"<trkpt", b"lat=", b"nan", b"1e999", b"</")),
+    "area-plan": Target(".plan", _area, _plan_seeds, _GEO),
     "survey": Target(".yaml", _survey, _survey_seeds, _KEYS, slice=500),
     "live-event": Target(".json", _event, _event_seeds, _EVENTS, named=False),
 }

@@ -61,3 +61,9 @@ def test_islands_lakes_on_them_and_touching_corners(tmp_path):
     for y, x in np.argwhere(np.ones(values.shape, bool)):
         assert (wet if values[y, x] < 0 else dry).distance(shapely.Point(x, y)) < 1e-9
     assert sorted(len(part.interiors) for part in parts[True])[-2:] == [1, 1]
+
+
+def test_a_map_that_does_not_say_where_it_lies_is_refused(tmp_path):
+    np.save(tmp_path / "map.npy", RADIUS)
+    with pytest.raises(InputError, match="map.npy: has no coordinates; save it with"):
+        load_area(RasterArea(tmp_path / "map.npy", None, 0.0, True, "m.yaml:1: area"))

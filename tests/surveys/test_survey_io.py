@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
+from maipp.surveys.place import find_place, starts_of
+from maipp.surveys.shapes import Drawing
 from maipp.surveys.survey import RasterArea
 from maipp.surveys.survey_io import KEYS, ROBOT_KEYS, load_survey, parse_survey
 from maipp.surveys.template import TEMPLATE
@@ -57,7 +60,44 @@ def test_files_are_found_beside_the_mission(tmp_path):
     assert survey.samples is not None and survey.samples.file == tmp_path / "old.csv"
     assert survey.samples.columns == {"value": "chl"}
     assert survey.rehearsal.raster == tmp_path / "map.npz" and survey.rehearsal.fields == 3
-    assert len(survey.no_go) == 1 and isinstance(survey.area, tuple) and len(survey.area) == 1
+    assert len(survey.no_go) == 1 and isinstance(survey.area, Drawing) and len(survey.area.polygons) == 1
+
+
+PLAN = """{"fileType": "Plan", "version": 1, "geoFence": {"version": 2, "circles": [], "polygons": [
+  {"inclusion": true, "version": 1, "polygon": [[52, 4], [52, 4.1], [52.1, 4.1]]}]},
+  "mission": {"items": [], "plannedHomePosition": [52.01, 4.05, 0]}}"""
+
+
+def test_the_home_of_a_plan_is_where_robots_without_a_start_set_out(tmp_path):
+    (tmp_path / "lake.plan").write_text(PLAN)
+    text = LEAST.replace("[[4, 52], [4.1, 52], [4.1, 52.1]]", "lake.plan").replace("start: [4.05, 52.01], ", "")
+    survey = parse_survey(text, source="m.yaml", folder=tmp_path)
+    assert survey.robots[0].start is None
+    place = find_place(survey)
+    (start,) = starts_of(survey, place)
+    np.testing.assert_allclose(place.frame.from_plane(np.array(start.place)), [4.05, 52.01])
+    message = wrong(LEAST.replace("start: [4.05, 52.01], ", ""))
+    assert message.startswith("m.yaml:3: robots[0].start: missing; give [longitude, latitude]")
+
+
+def test_a_file_of_polygons_takes_more_keys(tmp_path):
+    (tmp_path / "area.geojson").write_text('{"type":"Polygon","coordinates":[[[4,52],[4.1,52],[4.1,52.1]]]}')
+    text = LEAST.replace("[[4, 52], [4.1, 52], [4.1, 52.1]]", "{file: area.geojson, crs: EPSG:4258}")
+    survey = parse_survey(text, source="m.yaml", folder=tmp_path)
+    assert isinstance(survey.area, Drawing) and str(survey.area.polygons[0].crs) == "EPSG:4258 (degrees)"
+    assert "area.layers: no such key; did you mean layer?" in wrong(
+        text.replace("crs: EPSG:4258", "layers: a"), tmp_path
+    )
+
+
+def test_an_entry_of_a_map_with_times_is_chosen(tmp_path):
+    (tmp_path / "map.nc").write_bytes(b"")
+    area = "area: {raster: map.nc, below: 0, at: {time: 0}}"
+    survey = parse_survey(LEAST.replace("area: [[4, 52], [4.1, 52], [4.1, 52.1]]", area), folder=tmp_path)
+    assert isinstance(survey.area, RasterArea) and survey.area.at == {"time": 0}
+    for at in ("{time: 0.5}", "{}", "3", "{time: true}"):
+        message = wrong(f"{area.replace('{time: 0}', at)}\n" + LEAST.partition("\n")[2], tmp_path)
+        assert "area.at: " in message and "such as {time: 0}" in message
 
 
 def test_an_area_may_be_the_cells_of_a_map(tmp_path):
@@ -99,7 +139,7 @@ def test_zones_come_in_every_form(area, count):
         (("measurement_spacing_m: 100", "measurement_spacing_m: 0"), "m.yaml:4: measurement_spacing_m: 0 is not a len"),
         (("measurement_spacing_m: 100\n", ""), "m.yaml: measurement_spacing_m: missing"),
         (("[[4, 52], [4.1, 52], [4.1, 52.1]]", "nowhere.geojson"), "m.yaml:1: area: no file nowhere.geojson"),
-        (("[[4, 52], [4.1, 52], [4.1, 52.1]]", "3"), "m.yaml:1: area: 3 is not a GeoJSON file"),
+        (("[[4, 52], [4.1, 52], [4.1, 52.1]]", "3"), "m.yaml:1: area: 3 is not a file (GeoJSON, KML, KMZ"),
         (("", "seed: -1\n"), "m.yaml:5: seed: -1 is not a whole number from 0 to 4294967295"),
         (("", "below: true\n"), "m.yaml:5: below: says on which side"),
         (

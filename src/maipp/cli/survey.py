@@ -239,7 +239,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
             raise InputError(f"--fields: {flags.fields} is not a number of fields from 1 to 10000")
         rehearsal = dataclasses.replace(rehearsal, fields=flags.fields)
     if flags.raster is not None:
-        rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None, crs=None)
+        rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None, crs=None, at=None)
     notes = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with staged_folder(flags.out) as stage:

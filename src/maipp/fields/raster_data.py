@@ -11,6 +11,8 @@ from maipp.geo import PLANE, Crs
 
 X_NAMES = ("x", "lon", "longitude", "easting")
 Y_NAMES = ("y", "lat", "latitude", "northing")
+_NINES = {9.0 * (10**digits - 1) / 9 for digits in range(2, 9)}  # 99, 999, ...
+_STRAY = _NINES | {-nines for nines in _NINES} | {-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, -32767.0}
 VALUE_NAMES = ("value", "values", "z", "topo", "data", "depth", "elevation")
 
 
@@ -36,6 +38,8 @@ class RasterData:
     value_name: str | None = None
     crs: Crs = PLANE  # what the coordinates are; a plane of no known place where nobody says
     missing: np.ndarray | None = None  # (rows, cols) bool, True where the file has no value; None: none is missing
+    placed: bool = True  # whether the file has coordinates, or was given any; else they count cells
+    notes: tuple[str, ...] = ()  # what was taken as something, for people to read
 
     def __post_init__(self) -> None:
         values = numeric(self.values, self.source, self.value_name or "value")
@@ -84,6 +88,21 @@ def gaps_in(values: np.ndarray) -> Bool[np.ndarray, "rows cols"] | None:
         return None  # told in words when the raster is made
     missing = np.ma.getmaskarray(values) | ~np.isfinite(np.ma.getdata(values))
     return missing if missing.any() else None
+
+
+def stray_value(values: Float[np.ndarray, "rows cols"], missing: np.ndarray | None = None) -> float | None:
+    """A value that files hold where they have none, such as -9999, and that is far from all others; None without any.
+
+    Far: farther from the nearest other value than these are from each other.
+    """
+    present = np.unique(values if missing is None else values[~missing])
+    if len(present) >= 3:
+        for at, rest in ((0, present[1:]), (-1, present[:-1])):
+            stray = float(present[at])
+            far = min(abs(rest[0] - stray), abs(rest[-1] - stray)) > rest[-1] - rest[0]
+            if far and (stray in _STRAY or abs(stray) > 1e19):
+                return stray
+    return None
 
 
 def filled(

@@ -13,7 +13,7 @@ import numpy as np
 from maipp.errors import InputError
 from maipp.fields.csv_table import read_table
 from maipp.fields.raster_csv import csv_columns, grid_from_rows
-from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric
+from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric, stray_value
 from maipp.fields.raster_geotiff import read_geotiff
 from maipp.fields.raster_netcdf import read_netcdf
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
@@ -56,7 +56,8 @@ def load_raster(
     coordinates; a picture whose first row is the top has y0 > y1. Without it the units are pixel indices.
     A CSV is x,y,value rows if it has a header, or three columns and at least four lines; otherwise a matrix.
     `gaps="nearest"` fills cells without a value (masked, no-data, NaN) from the nearest that has one and tells which in
-    `RasterData.missing`; "refuse" wants none. `crs` says what the coordinates are, in place of what the file says.
+    `RasterData.missing`; "refuse" wants none. A value such as -9999, far from all others, counts as none, and is told.
+    `crs` says what the coordinates are, in place of what the file says.
     GeoTIFF and NetCDF need the extra `maipp[geo]`.
     Raises InputError (one line naming the file and the problem) for anything that is not such a grid.
     """
@@ -80,9 +81,23 @@ def load_raster(
             data = read_netcdf(path, value, extent, at or {}, fill, crs)
         else:
             data = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}[suffix](path, value, extent, fill)
+        data = _without_strays(data, fill)
         return data if crs is None else dataclasses.replace(data, crs=crs)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _without_strays(data: RasterData, fill: bool) -> RasterData:
+    """The grid, cells that hold what stands for no value in it among the missing ones."""
+    stray = stray_value(data.values, data.missing)
+    if stray is None:
+        return data
+    cells = data.values == stray
+    told = f"{data.source}: {int(cells.sum())} cells hold {stray:.10g}, which looks like no value"
+    if not fill:
+        raise InputError(f"{told}; fill the gaps before loading")
+    missing = cells if data.missing is None else cells | data.missing
+    return dataclasses.replace(data, missing=missing, notes=(*data.notes, f"{told}; taken as none"))
 
 
 def _read_npz(path: Path, value: str | None, extent: Sequence[float] | None, fill: bool) -> RasterData:

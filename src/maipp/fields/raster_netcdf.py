@@ -106,7 +106,7 @@ def _flat(path: Path, variable: Any, name: str, at: Mapping[str, int]) -> Any:
             sizes = ", ".join(f"{d}: {variable.sizes[d]}" for d in variable.dims)
             raise InputError(
                 f"{path}: '{name}' has {variable.ndim} dimensions ({sizes}); choose an entry with "
-                f"at={{'{first}': 0}} (0 to {last})"
+                f"at {{{first}: 0}} (0 to {last})"
             )
         variable = variable.isel({short: 0})
     return variable

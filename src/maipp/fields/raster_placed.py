@@ -29,7 +29,9 @@ def without_coordinates(
             raise InputError(f"{path}: extent {x0:g},{x1:g},{y0:g},{y1:g} has no area; give x0,x1,y0,y1")
         x, y = np.linspace(x0, x1, cols), np.linspace(y0, y1, rows)
     missing = gaps_in(values) if fill else None
-    return RasterData(np.ma.getdata(values), x, y, str(path), value_name=value_name, missing=missing)
+    return RasterData(
+        np.ma.getdata(values), x, y, str(path), value_name=value_name, missing=missing, placed=extent is not None
+    )
 
 
 def refuse_extent(path: Path, extent: Sequence[float] | None) -> None:

@@ -1,6 +1,7 @@
 """The area and the no-go zones of a mission file, read, checked and projected to local metres."""
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from maipp.errors import InputError
 from maipp.geo import WGS84, Crs, GeoReference, check_degrees
 from maipp.surveys.area import Start, as_region, check_size
-from maipp.surveys.geojson import Rings, to_polygon
 from maipp.surveys.raster_area import load_area, raster_polygons
+from maipp.surveys.shapes import Drawing, Named, Rings, to_polygon, water_of
 from maipp.surveys.survey import RasterArea, Survey
 from maipp.surveys.systems import PIECES, file_system, mission_system, polygon_to_user, to_user
 
@@ -32,19 +33,23 @@ class Place:
 
 def find_place(survey: Survey) -> Place:
     """The frame and the geometry of a survey. Raises `InputError` for areas and zones that cannot be used."""
-    where = survey.where("area")
+    where, notes = survey.where("area"), list[str]()
+    drawn_zones: Sequence[BaseGeometry] = ()
     if isinstance(survey.area, RasterArea):
         data, source = load_area(survey.area), str(survey.area.raster)
         own = mission_system(survey, data.crs)
         crs = file_system(data.crs, own, source)
+        notes += data.notes
         if crs == WGS84:
             check_degrees(np.array([[data.x[0], data.y[0]], [data.x[-1], data.y[-1]]]), source)
         polygons = [polygon_to_user(part, crs, source) for part in raster_polygons(survey.area, data)]
     else:
-        own = mission_system(survey, survey.area[0].crs)
-        polygons = [_polygon(rings, own) for rings in survey.area]
+        own = mission_system(survey, survey.area.polygons[0].crs)
+        water = water_of(survey.area.source, _named(survey.area, own))
+        polygons, drawn_zones = water.area, water.zones
+        notes += [*survey.area.notes, *water.notes]
     geographic, centre = own.located, None
-    reference = float(polygons[0].exterior.coords[0][0])
+    reference = float(shapely.get_coordinates(polygons[0])[0, 0])
     if geographic:
         polygons = [_near(polygon, reference) for polygon in polygons]
     west, south, east, north = shapely.total_bounds(np.array(polygons, object)).tolist()
@@ -62,24 +67,43 @@ def find_place(survey: Survey) -> Place:
     unplaced = GeoReference.of_area((0.0, 0.0, 1.0, 1.0), centre)
     area = as_region([_to_metres(unplaced, polygon, piece) for polygon in polygons])
     check_size(area.bounds, where)
-    frame = dataclasses.replace(GeoReference.of_area(area.bounds, centre), value_name=_named(survey))
-    zones, warnings = [], []
-    for zone in survey.no_go:
-        parts = [_polygon(rings, own) for rings in zone]
+    frame = dataclasses.replace(GeoReference.of_area(area.bounds, centre), value_name=_quantity(survey))
+    regions = []
+    for source, parts in [(survey.where("area"), drawn_zones), *_zones(survey, own, notes)]:
+        if not parts:
+            continue
         if geographic:
             parts = [_near(polygon, reference) for polygon in parts]
         region = as_region([_to_metres(frame, shapely.intersection(polygon, near), piece) for polygon in parts])
         if not region.intersects(area):
-            warnings.append(f"{zone[0].where}: this no-go zone lies outside the area and changes nothing")
-        zones.append(region)
-    return Place(frame, area, as_region(zones), own, tuple(warnings))
+            notes.append(f"{source}: this no-go zone lies outside the area and changes nothing")
+        regions.append(region)
+    return Place(frame, area, as_region(regions), own, tuple(notes))
+
+
+def _zones(survey: Survey, own: Crs, notes: list[str]) -> Iterator[tuple[str, Sequence[BaseGeometry]]]:
+    """Where each no-go zone of the mission file is written, and its polygons; adds to the notes.
+
+    What a file says is to be entered, as fences of a plan do, is no zone.
+    """
+    for zone in survey.no_go:
+        parts = [each for each in zone.polygons if each.closed is not False]
+        if not parts:
+            raise InputError(f"{zone.source}: draws only what is to be entered; give the polygons of no-go zones")
+        if len(parts) < len(zone.polygons):
+            notes.append(f"{zone.source}: what it draws to be entered is no no-go zone, and left out")
+        notes += zone.notes
+        yield zone.source, [_polygon(rings, own) for rings in parts]
 
 
 def starts_of(survey: Survey, place: Place) -> list[Start]:
     """The starts of the robots, local metres. Raises `InputError` for what is no place in the mission's system."""
     starts = []
     for robot in survey.robots:
-        x, y = place.frame.to_plane(to_user(np.array(robot.start), place.crs, robot.where)).tolist()
+        start, crs = robot.start, place.crs
+        if start is None and isinstance(survey.area, Drawing):  # where the area's file has vehicles set out
+            start, crs = survey.area.home, file_system(survey.area.polygons[0].crs, crs, robot.where)
+        x, y = place.frame.to_plane(to_user(np.array(start), crs, robot.where)).tolist()
         starts.append(Start((x, y), robot.where, robot.name))
     return starts
 
@@ -94,20 +118,29 @@ def ends_of(survey: Survey, place: Place) -> list[list[Start]]:
     return ends
 
 
+def _named(drawing: Drawing, own: Crs) -> list[Named]:
+    """All that a file draws, in the user's coordinates, near each other where they are degrees."""
+    drawn = [Named(_polygon(rings, own), rings.name, rings.closed) for rings in drawing.polygons]
+    if not own.located:
+        return drawn
+    reference = float(drawn[0].polygon.exterior.coords[0][0])
+    return [each._replace(polygon=_near(each.polygon, reference)) for each in drawn]
+
+
 def _polygon(written: Rings, own: Crs) -> Polygon:
     """A polygon as written, in the user's coordinates."""
     crs = file_system(written.crs, own, written.where)
     return polygon_to_user(to_polygon(written, crs), crs, written.where)
 
 
-def _near(polygon: Polygon, reference: float) -> Polygon:
+def _near(polygon: Any, reference: float) -> Any:
     """The polygon with all its longitudes moved by full turns to where the reference is."""
     west, _, east, _ = polygon.bounds
     turns = round((reference - (west + east) / 2) / 360.0)
     return translate(polygon, 360.0 * turns) if turns else polygon
 
 
-def _named(survey: Survey) -> str:
+def _quantity(survey: Survey) -> str:
     """The quantity with its unit behind it."""
     name = survey.quantity or "value"
     return f"{name} ({survey.unit})" if survey.unit else name

@@ -13,8 +13,15 @@ from maipp.surveys.survey import RasterArea
 
 
 def load_area(source: RasterArea) -> RasterData:
-    """The map of an area. Raises `InputError` where it cannot be read."""
-    return load_raster(source.raster, value=source.value, gaps="nearest", crs=source.crs)
+    """The map of an area. Raises `InputError` where it cannot be read, or does not say where it lies."""
+    return placed(load_raster(source.raster, value=source.value, gaps="nearest", crs=source.crs, at=source.at))
+
+
+def placed(data: RasterData) -> RasterData:
+    """The map. Raises `InputError` where it has no coordinates, so that nobody knows where it lies."""
+    if not data.placed:
+        raise InputError(f"{data.source}: has no coordinates; save it with those of its columns and rows (x and y)")
+    return data
 
 
 def raster_polygons(source: RasterArea, data: RasterData) -> list[Polygon]:

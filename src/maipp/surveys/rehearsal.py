@@ -104,7 +104,9 @@ def rehearse(
     ready = [(name, count, prepare(with_robots(survey, count), planner=name)) for name in planners for count in counts]
     built = [prepared.make_planner() for _, _, prepared in ready]  # before any work
     first = ready[0][2]
-    field = None if rehearsal.raster is None else raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs)
+    field = None
+    if rehearsal.raster is not None:
+        field = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
     fields = _drawn(first, rehearsal.fields, seed) if field is None else None
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     teams = []

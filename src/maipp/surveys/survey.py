@@ -10,14 +10,19 @@ from maipp.missions.vehicle import Vehicle
 from maipp.records import Within, described
 from maipp.records.kinds import Each
 from maipp.seeds import LARGEST_SEED
-from maipp.surveys.geojson import Rings
+from maipp.surveys.shapes import FORMATS, Drawing
 
 DEFAULT_PLANNER = "receding-horizon"
-AREA = "a GeoJSON file, GeoJSON, or a list of positions around the border"
+AREA = f"a file ({FORMATS}), GeoJSON, or a list of positions around the border"
 
 
 def _one_line(text: str) -> str | None:
     return "" if not text.strip() or any(c < " " or "\ud800" <= c <= "\udfff" for c in text) else None
+
+
+def _entries(at: dict[Any, Any]) -> str | None:
+    right = at and all(isinstance(key, str) and type(index) is int for key, index in at.items())
+    return None if right else ""
 
 
 Text = Annotated[str, _one_line]
@@ -28,6 +33,7 @@ Metres = Annotated[_Above0, "a length > 0, in metres"]
 _NotNegative = Annotated[float, Within(0, most=1e30)]
 Column = Annotated[Text, "the name of an array or column"]
 Share = Annotated[float, Within(0, most=0.95), "a share of the budget from 0 to 0.95, such as 0.2 or 20 %"]
+At = Annotated[dict[str, Any], _entries, "the entry along each further dimension of a NetCDF file, such as {time: 0}"]
 Fields = Annotated[int, Within(1, most=10_000), "a raster, or a number of fields from 1 to 10000"]
 
 
@@ -36,7 +42,7 @@ class Robot:
     """One robot of the team."""
 
     name: str
-    start: Pair  # in the mission's coordinates
+    start: Pair | None  # in the mission's coordinates; None: the home that the area's file has
     budget_m: float  # longest path it may travel, metres
     speed: float  # metres per second
     end: tuple[Pair, ...] | Literal["start"] | None = None  # any of these places; None: anywhere
@@ -49,8 +55,8 @@ class Robot:
 class RobotKeys:
     """One robot as the file has it."""
 
-    start: Pair  # in the mission's coordinates
     speed: Annotated[float, Within(1e-3, most=1e3), "a speed in m/s, from 0.001 to 1000"]
+    start: Pair | None = None  # in the mission's coordinates; None: the home that the area's file has
     name: Annotated[Text, "a name"] | None = None
     budget_m: Metres | None = None
     budget_minutes: Annotated[_Above0, "a time > 0, in minutes"] | None = None
@@ -70,6 +76,16 @@ class RasterArea:
     below: bool  # values below the level are in the area; else those above
     where: str
     crs: Crs | None = None  # of its coordinates, in place of what the file says
+    at: Mapping[str, int] | None = None  # the entry along further dimensions, such as the time
+
+
+@dataclass(frozen=True)
+class ShapeKeys:
+    """A file of polygons with more to say of it."""
+
+    file: Path = described(allowed="the path of a file of polygons")
+    layer: Annotated[Text, "the name of a layer"] | None = None
+    crs: Crs | None = None  # of its positions, in place of what the file says
 
 
 @dataclass(frozen=True)
@@ -81,6 +97,7 @@ class RasterAreaKeys:
     below: Annotated[Number, "a level in the raster's unit"] | None = None
     above: Annotated[Number, "a level in the raster's unit"] | None = None
     crs: Crs | None = None
+    at: At | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +134,7 @@ class Rehearsal:
     value: Column | None = None
     fields: Fields = 30
     crs: Crs | None = None  # of the raster's coordinates, in place of what the file says
+    at: At | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,8 +144,8 @@ class Survey:
     source: str  # the file, for errors
     lines: Mapping[str, int] = field(default_factory=dict, repr=False)  # line of every key, for errors
     name: Annotated[Text, "a name"] = "survey"
-    area: tuple[Rings, ...] | RasterArea = described(allowed=AREA)
-    no_go: tuple[tuple[Rings, ...], ...] = ()  # one entry for each zone of the file
+    area: Drawing | RasterArea = described(allowed=AREA)
+    no_go: tuple[Drawing, ...] = ()  # one entry for each zone of the file
     metres: bool = False  # coordinates are metres, not degrees
     crs: Crs | None = (
         None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any

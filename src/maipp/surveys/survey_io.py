@@ -10,10 +10,10 @@ from maipp.errors import InputError
 from maipp.files import read_text
 from maipp.geo import WGS84, Crs, read_crs
 from maipp.missions.vehicle import Vehicle
-from maipp.records import Misfit, Value, expected, fit, read_yaml, show
+from maipp.records import FieldError, Misfit, Value, expected, fit, read_yaml, show
 from maipp.records.kinds import Each
 from maipp.surveys import survey as records
-from maipp.surveys.geojson import Rings, load_geojson, polygons_in
+from maipp.surveys.shapes import Drawing, Rings, load_drawing, polygons_in
 from maipp.surveys.survey import (
     AREA,
     Metres,
@@ -72,7 +72,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
     readers: _Readers = {
         "crs": _crs,
         "raster": lambda value: _file(value, folder, "the path of a raster"),
-        "file": lambda value: _file(value, folder, "the path of a CSV file"),
+        "file": lambda value: _file(value, folder, "the path of a file"),
         "start": lambda value: value.fit(Pair, f"a start; give {axes}"),
         "end": lambda value: value.fit(_End, f"an end; give start, {axes}, or a list of such"),
         "reserve": _share,
@@ -82,7 +82,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         readers
         | {
             "area": lambda value: _area(value, folder, geojson, readers),
-            "no_go": lambda value: _zones(value, folder, geojson),
+            "no_go": lambda value: _zones(value, folder, geojson, readers),
             "robots": lambda value: _robots(value, root["measurement_spacing_m"].fit(Metres), readers),
             "samples": lambda value: _samples(value, readers),
             "vehicle": _vehicle,
@@ -93,6 +93,9 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         lines=root.lines,
         return_home=_returns(root),
     )
+    for robot in survey.robots:
+        if robot.start is None and (isinstance(survey.area, RasterArea) or survey.area.home is None):
+            raise FieldError("start", f"missing; give {axes}", f"{robot.where}.")
     if survey.below and survey.threshold is None:
         root["below"].wrong("says on which side of the threshold values matter, but there is none; give threshold")
     return survey if "name" in root else dataclasses.replace(survey, name=Path(source).stem or survey.name)
@@ -122,22 +125,22 @@ def _crs(value: Value) -> Crs:
     return crs if crs.located else value.wrong("is no place on Earth; for a plain plane give metres: true")
 
 
-def _area(value: Value, folder: Path, geojson: Crs | None, readers: _Readers) -> tuple[Rings, ...] | RasterArea:
-    if not isinstance(value.value, dict) or "type" in value.value:
-        return tuple(_shape(value, folder, geojson))
+def _area(value: Value, folder: Path, geojson: Crs | None, readers: _Readers) -> Drawing | RasterArea:
+    if not isinstance(value.value, dict) or "type" in value.value or "file" in value.value:
+        return _shape(value, folder, geojson, readers)
     keys = value.record(records.RasterAreaKeys, readers)
     if keys.below is not None and keys.above is not None:
         value.wrong("give one of below and above, or none for all cells that hold a value")
     level = keys.above if keys.below is None else keys.below
-    return RasterArea(keys.raster, keys.value, level, keys.below is not None, value.place, keys.crs)
+    return RasterArea(keys.raster, keys.value, level, keys.below is not None, value.place, keys.crs, keys.at)
 
 
-def _zones(value: Value, folder: Path, geojson: Crs | None) -> tuple[tuple[Rings, ...], ...]:
+def _zones(value: Value, folder: Path, geojson: Crs | None, readers: _Readers) -> tuple[Drawing, ...]:
     """The no-go zones: one, or a list of them."""
     zones = [value]
     if isinstance(value.value, list) and not (value.value and all(map(_is_point, value.value))):
         zones = value.items()
-    return tuple(tuple(_shape(zone, folder, geojson)) for zone in zones)
+    return tuple(_shape(zone, folder, geojson, readers) for zone in zones)
 
 
 def _is_point(value: object) -> bool:
@@ -147,13 +150,20 @@ def _is_point(value: object) -> bool:
         return False
 
 
-def _shape(value: Value, folder: Path, geojson: Crs | None) -> list[Rings]:
+def _shape(value: Value, folder: Path, geojson: Crs | None, readers: _Readers) -> Drawing:
     """The polygons that a path, GeoJSON or a list of positions gives."""
     if isinstance(value.value, str):
-        return load_geojson(_file(value, folder, AREA), geojson)
+        return load_drawing(_file(value, folder, AREA), geojson)
+    if isinstance(value.value, dict) and "file" in value.value:
+        keys = value.record(records.ShapeKeys, readers)
+        return load_drawing(keys.file, geojson, layer=keys.layer, crs=keys.crs)
     if isinstance(value.value, dict):
         return polygons_in(value.value, value.place)
-    return [Rings(value.place, [value.value])] if isinstance(value.value, list) else value.unfit(AREA)
+    return (
+        Drawing(value.place, (Rings(value.place, [value.value]),))
+        if isinstance(value.value, list)
+        else value.unfit(AREA)
+    )
 
 
 def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[Robot, ...]:
@@ -179,8 +189,8 @@ def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[Robot, ...
             )
         end: Any = keys.end  # one place is a list of one
         end = (end,) if isinstance(end, tuple) and not isinstance(end[0], tuple) else end
-        places = {"where": item["start"].place, "end_where": (item["end"] if "end" in item else item).place}
-        robots[name] = Robot(name, keys.start, budget, keys.speed, end, reserve, **places)
+        where, end_where = ((item[key] if key in item else item).place for key in ("start", "end"))
+        robots[name] = Robot(name, keys.start, budget, keys.speed, end, reserve, where, end_where)
     return tuple(robots.values())
 
 

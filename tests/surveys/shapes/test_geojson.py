@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from maipp.errors import InputError
 from maipp.geo import METRES, WGS84
-from maipp.surveys.geojson import Rings, load_geojson, polygons_in, to_polygon
+from maipp.surveys.shapes import Rings, polygons_in, to_polygon
+from maipp.surveys.shapes.geojson import load_geojson
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
 HOLE = [[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]
@@ -35,8 +36,35 @@ def polygon(*rings, geographic=False):
 def test_every_form_gives_the_polygon_with_its_hole(content, tmp_path):
     path = tmp_path / "a.geojson"
     path.write_text("\ufeff" + json.dumps(content), encoding="utf-8")
-    (found,) = [to_polygon(rings, METRES) for rings in load_geojson(path)]
+    (found,) = [to_polygon(rings, METRES) for rings in load_geojson(path).polygons]
     assert found.area == 15 and len(found.interiors) == 1
+
+
+def test_points_and_lines_beside_the_polygons_are_told():
+    line = {"type": "LineString", "coordinates": [[0, 0], [1, 1]]}
+    features = [{"type": "Feature", "geometry": {"type": "Point", "coordinates": [1, 2]}}] * 2
+    features += [{"type": "Feature", "geometry": each} for each in (line, {"type": "Polygon", "coordinates": [SQUARE]})]
+    drawing = polygons_in({"type": "FeatureCollection", "features": features}, "a.geojson")
+    assert len(drawing.polygons) == 1
+    assert drawing.notes == ("a.geojson: beside its polygons 2 points, 1 line, left out",)
+
+
+@pytest.mark.parametrize(
+    ("properties", "closed"),
+    [
+        ({"name": "lake"}, None),
+        ({"name": "Reeds (no-go)"}, True),
+        ({"Name": "North", "Type": "exclusion"}, True),
+        ({"kind": "no-go", "number": 1}, True),  # as routes.geojson has it
+        ({"kind": "area", "name": "Island sea"}, False),
+        ({"name": 7}, None),
+        (None, None),
+    ],
+)
+def test_properties_say_what_a_polygon_is(properties, closed):
+    feature = {"type": "Feature", "properties": properties, "geometry": {"type": "Polygon", "coordinates": [SQUARE]}}
+    (rings,) = polygons_in(feature, "a").polygons
+    assert rings.closed is closed
 
 
 def test_heights_and_open_rings_are_taken():
@@ -47,11 +75,11 @@ def test_heights_and_open_rings_are_taken():
     ("content", "problem"),
     [
         ([1, 2], "is not GeoJSON"),
-        ({"type": "Point", "coordinates": [1, 2]}, "has the type 'Point'; give a Polygon"),
+        ({"type": "Point", "coordinates": [1, 2]}, "holds no polygon, only 1 point; give a Polygon"),
         ({"type": "FeatureCollection", "features": []}, "holds no polygon"),
         (
             {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": None}]},
-            "features[0]: has no",
+            "holds no polygon, only 1 feature without a geometry",
         ),
         ({"type": "FeatureCollection"}, "no list 'features'"),
         ({"type": "MultiPolygon", "coordinates": [3]}, "coordinates[0]: 3 is not a list of rings"),
@@ -127,7 +155,7 @@ json_values = st.recursive(
 @given(content=json_values, geographic=st.booleans())
 def test_any_json_gives_polygons_or_one_line(content, geographic):
     try:
-        polygons = [to_polygon(rings, WGS84 if geographic else METRES) for rings in polygons_in(content, "a")]
+        polygons = [to_polygon(rings, WGS84 if geographic else METRES) for rings in polygons_in(content, "a").polygons]
     except InputError as error:
         assert "\n" not in str(error)
     else:
