@@ -43,6 +43,15 @@ FORMS = {
     "old encoding": ("lon,lat,Trübung µg\n9.1,47.5,1.5\n9.25,47.52,-2\n9.3,47.6,30\n".encode("cp1252"), {}),
     "utf-16": ("lon\tlat\tv\n9.1\t47.5\t1.5\n9.25\t47.52\t-2\n9.3\t47.6\t30\n".encode("utf-16"), {}),
     "a note over two lines": ('x,y,v,note\n9.1,47.5,1.5,"wind\nand rain"\n9.25,47.52,-2,\n9.3,47.6,30,\n', {}),
+    "an instrument's preamble": (
+        "KorEXO Measurement File Export\nFILE CREATED:,08/12/2026,,\nDEVICE:,EXO2,,\n\nlon,lat,chl\n9.1,47.5,1.5\n"
+        "9.25,47.52,-2\n9.3,47.6,30\n", {}),
+    "a preamble of full width": (
+        "Logger;;\nStart:;2026-05-01;\nlon;lat;chl\ndeg;deg;ug/L\n9,1;47,5;1,5\n9,25;47,52;-2\n9,3;47,6;30\n", {}),
+    "degrees and minutes": (
+        "Longitude,Latitude,chl\n9° 6' E,47°30'0\" N,1.5\n9 15 E,N 47 31.2,-2\n9.3 east,47.6 North,30\n", {}),
+    "a receiver's own": ("lat,NS,lon,EW,v\n4730.00,N,906,E,1.5\n4731.2,N,915,E,-2\n4736,N,918,E,30\n", {}),
+    "beyond the range": ("x,y,v\n9.1,47.5,<3\n9.25,47.52,-2\n9.3,47.6,> 30\n", {}),
     "lon_deg": ("lat_deg,lon_deg,v\n47.5,9.1,1.5\n47.52,9.25,-2\n47.6,9.3,30\n", {}),
 }  # fmt: skip
 
@@ -51,10 +60,11 @@ FORMS = {
 def test_every_form_gives_the_same_samples(form, tmp_path):
     content, named = FORMS[form]
     samples = read(tmp_path, content, **named)
-    np.testing.assert_array_equal(samples.x, X)
-    np.testing.assert_array_equal(samples.y, Y)
+    # Minutes are sixtieths, which round.
+    np.testing.assert_allclose(samples.x, X, rtol=1e-15)
+    np.testing.assert_allclose(samples.y, Y, rtol=1e-15)
     np.testing.assert_array_equal(samples.value, V)
-    np.testing.assert_array_equal(samples.points, np.stack([X, Y], axis=1))
+    np.testing.assert_array_equal(samples.points, np.stack([samples.x, samples.y], axis=1))
     assert samples.dropped == 0 and samples.source == str(tmp_path / "samples.csv")
 
 
@@ -70,6 +80,22 @@ def test_lines_without_a_value_are_dropped_and_counted(missing, tmp_path):
     assert samples.dropped == 2
     np.testing.assert_array_equal(samples.x, [1, 7])
     assert np.isfinite(samples.points).all() and np.isfinite(samples.value).all()
+
+
+def test_limits_and_what_looks_like_no_value_are_named_by_line(tmp_path):
+    rows = "\n".join(f"{i},{i + 1},{i % 5}" for i in range(20))
+    samples = read(tmp_path, f"x,y,v\n{rows}\n1,2,<0.5\n1,2,≤ 1\n1,2,>9\n1,2,-9999\n1,2,9999\n")
+    assert samples.value[-3:].tolist() == [0.25, 0.5, 9.0] and samples.lines[-3:].tolist() == [22, 23, 24]
+    assert samples.notes == (
+        "2 lines (22, 23) below detection; half the limit is taken",
+        "1 line (24) above the range; the limit is taken",
+        "2 lines (25, 26) with -9999, 9999, which looks like no value; left out",
+    )
+
+
+def test_hemispheres_say_degrees(tmp_path):
+    south = read(tmp_path, "x,y,v\n9.5 W,47.25 S,1\n")
+    assert south.geographic and south.points.tolist() == [[-9.5, -47.25]]
 
 
 BAD = {
@@ -134,7 +160,10 @@ def test_any_bytes_give_samples_or_one_line(tmp_path_factory, content):
         assert len(samples.value) >= 1 and np.isfinite(samples.points).all() and np.isfinite(samples.value).all()
 
 
-@given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=1, max_size=20), st.sampled_from([",", ";", "\t"]))
+finite = st.floats(-1e6, 1e6).filter(lambda number: set(f"{abs(number):g}") != {"9"})  # which stand for no value
+
+
+@given(st.lists(st.tuples(*[finite] * 3), min_size=1, max_size=20), st.sampled_from([",", ";", "\t"]))
 def test_what_is_written_is_read_back(tmp_path_factory, rows, separator):
     path = tmp_path_factory.getbasetemp() / "back.csv"
     lines = [separator.join(repr(number) for number in row) for row in rows]

@@ -13,9 +13,10 @@ from maipp.errors import InputError
 from maipp.fields.raster_data import X_NAMES, Y_NAMES
 
 _SEPARATORS = (";", "\t", ",")
+_DEEPEST, _FEW = 200, 20  # lines among which the first of a table is looked for, and that tell how wide it is
 # What a line of numbers may begin with; a map's first line may be without a value throughout.
 _NUMBER_FIRST = re.compile(r"[+-]?([.,]?\d|(nan|inf)$)", re.IGNORECASE)
-_MISSING = {"", "-", "--", "na", "n/a", "nan", "null", "none", "nil", "missing"}
+_MISSING = {"", "-", "--", "na", "n/a", "nan", "null", "none", "nil", "missing", "nd", "n.d.", "bdl", "<lod", "<mdl"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII)
 
 
@@ -35,9 +36,10 @@ class CsvTable(NamedTuple):
             cell = cell.replace(",", ".")
         return float(cell) if _NUMBER.fullmatch(cell) else None
 
-    def numbers(self, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
+    def numbers(self, columns: Sequence[int], rows: Sequence[int] | None = None) -> Float[np.ndarray, "n k"]:
         """The numbers in these columns, NaN where one is missing. Raises InputError naming line and column."""
-        return np.array([[self._number(row, column) for column in columns] for row in range(len(self.rows))])
+        rows = range(len(self.rows)) if rows is None else rows
+        return np.array([[self._number(row, column) for column in columns] for row in rows])
 
     def _number(self, row: int, column: int) -> float:
         cell = self.rows[row][column]
@@ -66,18 +68,20 @@ def read_table(path: Path) -> CsvTable:
     if not lines:
         raise InputError(f"{path}: the file is empty; no line of numbers in it")
     if separator is None:
-        separator = next((mark for mark in _SEPARATORS if mark in lines[0][1]), None)
-    rows, numbers = [], []
+        separator = _separator(lines)
     try:
-        for number, cells in _rows(lines, separator):
-            while cells and len(cells) > (len(rows[0]) if rows else len(cells)) and not cells[-1]:
-                cells.pop()  # spreadsheets end lines with empty cells
-            rows.append(cells)
-            numbers.append(number)
+        numbered = list(_rows(lines, separator))
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV file ({error})") from None
+    numbered = numbered[_first_row([cells for _, cells in numbered]) :]
+    rows, numbers = [], []
+    for number, cells in numbered:
+        while cells and len(cells) > (len(rows[0]) if rows else len(cells)) and not cells[-1]:
+            cells.pop()  # spreadsheets end lines with empty cells
+        rows.append(cells)
+        numbers.append(number)
     header, header_line = None, 0
-    if not any(_NUMBER_FIRST.match(cell) for cell in rows[0]):
+    if not _holds_numbers(rows[0]):
         header, header_line = rows.pop(0), numbers.pop(0)
     elif (named := _commented_header(comments, separator, len(rows[0]), numbers[0])) is not None:
         header_line, header = named
@@ -90,6 +94,42 @@ def read_table(path: Path) -> CsvTable:
             hint = "; numbers with a decimal comma need a semicolon between the columns" if comma else ""
             raise InputError(f"{path}, line {number}: {len(cells)} columns where {before} {width}{hint}")
     return CsvTable(path, header, header_line, rows, numbers, separator in (";", "\t"))
+
+
+def _separator(lines: list[tuple[int, str]]) -> str | None:
+    """What stands between cells: what the first line has, or below a line that has none nearly all do."""
+    first, last = (len(lines[index][1].split()) for index in (0, -1))
+    blanks = first == last > 1
+    for count in (1, min(len(lines), _DEEPEST)):
+        for mark in _SEPARATORS:
+            with_it = sum(mark in line for _, line in lines[:count])
+            if with_it > 0.5 * count and (count == 1 or not blanks):
+                return mark
+    return None
+
+
+def _first_row(rows: list[list[str]]) -> int:
+    """Where the table begins: below a preamble of an instrument, whose lines are shorter, or have cells empty."""
+    width = max((len(_trimmed(row)) for row in rows[1:_FEW]), default=0)
+    if not rows or _holds_numbers(rows[0]) or (all(rows[0]) and len(rows[0]) >= width):
+        return 0
+    best, most = 0, 1
+    for index, row in enumerate(rows[:_DEEPEST]):
+        below = rows[index + 1 : index + 3]  # one of them may hold the units
+        names = _trimmed(row)
+        fits = len(names) > most and all(names) and not _holds_numbers(row)
+        if fits and any(map(_holds_numbers, below)) and all(len(_trimmed(each)) <= len(names) for each in below):
+            best, most = index, len(names)
+    return best
+
+
+def _trimmed(row: list[str]) -> list[str]:
+    """The cells up to the last that is not empty."""
+    return row[: max((index + 1 for index, cell in enumerate(row) if cell), default=0)]
+
+
+def _holds_numbers(row: list[str]) -> bool:
+    return any(_NUMBER_FIRST.match(cell) for cell in row)
 
 
 def _text(path: Path) -> str:

@@ -11,8 +11,9 @@ from maipp.geo import PLANE, Crs
 
 X_NAMES = ("x", "lon", "longitude", "easting")
 Y_NAMES = ("y", "lat", "latitude", "northing")
-_NINES = {9.0 * (10**digits - 1) / 9 for digits in range(2, 9)}  # 99, 999, ...
-_STRAY = _NINES | {-nines for nines in _NINES} | {-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, -32767.0}
+_NINES = [10.0**digits - 1 for digits in range(3, 9)]  # 999, 9999, ...
+_STRAY = [32767.0, -32767.0, -32768.0, 65535.0, 2147483647.0, -2147483648.0]
+_STRAY += [-99.0, *(sign * nines for nines in _NINES for sign in (1, -1))]
 VALUE_NAMES = ("value", "values", "z", "topo", "data", "depth", "elevation")
 
 
@@ -90,17 +91,17 @@ def gaps_in(values: np.ndarray) -> Bool[np.ndarray, "rows cols"] | None:
     return missing if missing.any() else None
 
 
-def stray_value(values: Float[np.ndarray, "rows cols"], missing: np.ndarray | None = None) -> float | None:
+def stray_value(values: Float[np.ndarray, "..."], missing: np.ndarray | None = None) -> float | None:
     """A value that files hold where they have none, such as -9999, and that is far from all others; None without any.
 
     Far: farther from the nearest other value than these are from each other.
     """
     present = np.unique(values if missing is None else values[~missing])
-    if len(present) >= 3:
-        for at, rest in ((0, present[1:]), (-1, present[:-1])):
-            stray = float(present[at])
-            far = min(abs(rest[0] - stray), abs(rest[-1] - stray)) > rest[-1] - rest[0]
-            if far and (stray in _STRAY or abs(stray) > 1e19):
+    stands = np.isin(present, _STRAY) | (np.abs(present) > 1e19)
+    rest = present[~stands]
+    if len(rest) >= 2:
+        for stray in present[stands].tolist():
+            if max(rest[0] - stray, stray - rest[-1]) > rest[-1] - rest[0]:
                 return stray
     return None
 

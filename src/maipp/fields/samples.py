@@ -1,41 +1,18 @@
 """Old samples of a field, read from CSV as people have it: a position and a value a line."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from maipp.errors import InputError
+from maipp.fields.angles import angle, hemisphere, packed
 from maipp.fields.csv_table import CsvTable, missing, read_table
-from maipp.fields.raster_data import X_NAMES, Y_NAMES
-
-_X = (*X_NAMES, "long", "lng", "east")
-_Y = (*Y_NAMES, "north")
-_DEGREES = ("lon", "longitude", "long", "lng", "lat", "latitude")
-# What may follow such a name: `lon_deg`, `x (m)`, `Latitude [decimal degrees]`.
-_UNITS = {
-    "deg",
-    "degree",
-    "degrees",
-    "dd",
-    "decimal",
-    "m",
-    "metre",
-    "metres",
-    "meter",
-    "meters",
-    "wgs84",
-    "utm",
-    "north",
-}
-_UNITS |= {"east", "n", "e"}
-
-# Columns that number or date the lines: never taken for the value unless named.
-_NO_VALUES = {"id", "fid", "no", "nr", "number", "index", "point", "station", "sample", "line"}
-_NO_VALUES |= {"time", "date", "datetime", "timestamp", "t", "year", "month", "day", "hour", "minute", "second", "utc"}
+from maipp.fields.raster_data import stray_value
+from maipp.fields.readings import readings, told_lines
+from maipp.fields.sample_columns import DEGREES, position_column, value_column, words
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +24,10 @@ class Samples:
     value: Float[np.ndarray, " n"]
     names: tuple[str, str, str]  # of the columns that hold x, y and the value
     source: str  # the file
-    dropped: int  # lines left out because a position or the value is missing
+    lines: Int[np.ndarray, " n"]  # of the file, counting from 1
+    dropped: int = 0  # lines left out because a position or the value is missing
+    notes: tuple[str, ...] = ()  # what was taken as something, for people to read
+    in_degrees: bool = False  # whether positions are written as degrees, such as 13° 19' E
 
     @property
     def points(self) -> Float[np.ndarray, "n 2"]:
@@ -56,17 +36,18 @@ class Samples:
 
     @property
     def geographic(self) -> bool:
-        """Whether the columns' names say degrees."""
-        return all(_words(name)[:1] in [[degrees] for degrees in _DEGREES] for name in self.names[:2])
+        """Whether the positions or the columns' names say degrees."""
+        return self.in_degrees or all(words(name)[:1] in [[degrees] for degrees in DEGREES] for name in self.names[:2])
 
 
 def load_samples(path: str | Path, *, value: str | None = None, x: str | None = None, y: str | None = None) -> Samples:
     """The samples in a CSV file; `value`, `x` and `y` name its columns where the names do not tell.
 
     Cells are separated by commas, semicolons, tabs or blanks; next to a semicolon or a tab numbers may have a decimal
-    comma. Position columns go by their customary names (lon, longitude, x, easting; lat, latitude, y, northing), the
-    value is the only other column of numbers, lines without one of the three are dropped and counted. Without a header
-    three columns are x, y and value. Raises InputError naming file and line.
+    comma. Position columns go by their customary names (lon, longitude, x, easting; lat, latitude, y, northing) and may
+    hold degrees, minutes and hemispheres; the value is the only other column of numbers. Lines without one of the three
+    are dropped and counted, those that hold -9999 or the like for a value are dropped and named. Without a header three
+    columns are x, y and value. Raises InputError naming file and line.
     """
     table = read_table(Path(path))
     header = table.header
@@ -77,106 +58,93 @@ def load_samples(path: str | Path, *, value: str | None = None, x: str | None = 
                 f"(line {table.lines[0]} has {len(table.rows[0])} columns)"
             )
         header = ["x", "y", "value"]
-    ix, iy = _position(table, header, _X, x, "x", "longitude"), _position(table, header, _Y, y, "y", "latitude")
+    ix, iy = position_column(table, header, x, "x"), position_column(table, header, y, "y")
     if ix == iy:
         raise InputError(f"{path}: column '{header[ix]}' cannot be both x and y; give two columns")
     table = _without_units_line(table, (ix, iy))
-    columns = (ix, iy, _value(table, header, (ix, iy), value))
-    names = (header[columns[0]], header[columns[1]], header[columns[2]])
-    numbers = table.numbers(columns)
+    (xs, x_degrees), (ys, y_degrees) = positions(table, ix, "x"), positions(table, iy, "y")
+    iv = value_column(table, header, (ix, iy), value)
+    values, notes = readings(table, iv)
+    numbers = np.stack([xs, ys, values], axis=1)
     kept = np.asarray(np.isfinite(numbers).all(axis=1))
     if not kept.any():
         raise InputError(f"{path}: no line has a position and a value ({len(kept)} lines read)")
-    found = numbers[kept]
-    samples = Samples(found[:, 0], found[:, 1], found[:, 2], names, str(path), int((~kept).sum()))
-    _check_degrees(samples, [line for line, keep in zip(table.lines, kept, strict=True) if keep])
+    lines, found = np.array(table.lines)[kept], numbers[kept]
+    stray = strays(found[:, 2])
+    if stray.any():
+        held = ", ".join(f"{each:g}" for each in np.unique(found[stray, 2]))
+        notes.append(f"{told_lines(lines[stray].tolist())} with {held}, which looks like no value; left out")
+        lines, found = lines[~stray], found[~stray]
+    names = (header[ix], header[iy], header[iv])
+    columns = found[:, 0], found[:, 1], found[:, 2]
+    dropped = int((~kept).sum())
+    samples = Samples(*columns, names, str(path), lines, dropped, tuple(notes), x_degrees or y_degrees)
+    _check_degrees(samples)
     return samples
 
 
-def _position(
-    table: CsvTable, header: Sequence[str], customary: Sequence[str], named: str | None, axis: str, other: str
-) -> int:
-    """The column of an axis: the one named, or the one with a customary name."""
-    if named is not None:
-        return _named(table, header, named, axis)
-    exact = [i for i, name in enumerate(header) if name.strip().lower() in customary]
-    loose = [i for i, name in enumerate(header) if _words(name)[:1] and _words(name)[0] in customary
-             and set(_words(name)[1:]) <= _UNITS]  # fmt: skip
-    for found in (exact, loose):
-        if len(found) == 1:
-            return found[0]
-        if len(found) > 1:
-            listed = ", ".join(header[i] for i in found)
-            raise InputError(f"{table.path}: more than one {axis} column ({listed}); choose one with {axis}=NAME")
-    raise InputError(
-        f"{table.path}, line {table.header_line}: no {axis} column among {', '.join(header)}; "
-        f"name it {axis} or {other}, or choose one with {axis}=NAME"
-    )
+def positions(table: CsvTable, column: int, axis: str) -> tuple[Float[np.ndarray, " n"], bool]:
+    """The coordinates in a column, NaN where one is missing, and whether they are written as degrees.
+
+    A column beside it that holds hemispheres turns them. Raises InputError naming line and column.
+    """
+    turned = _hemispheres(table, column, axis)
+    found, written = np.empty(len(table.rows)), turned is not None
+    for row, cells in enumerate(table.rows):
+        cell = cells[column]
+        number = np.nan if missing(cell) else table.number(cell)
+        if number is None:
+            number = angle(cell, axis)
+            written |= number is not None
+        found[row] = table.numbers([column], rows=[row])[0, 0] if number is None else number
+    if turned is not None:
+        # As receivers transmit them; no longitude has so many degrees.
+        with_minutes = (found[np.isfinite(found)] > (180 if axis == "x" else 90)).any()
+        found = turned * (np.vectorize(packed)(found) if with_minutes else found)
+    return found, written
 
 
-def _named(table: CsvTable, header: Sequence[str], name: str, what: str) -> int:
-    for same in (str.strip, lambda text: text.strip().lower()):
-        found = [i for i, column in enumerate(header) if same(column) == same(name)]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise InputError(f"{table.path}: more than one column is named '{name}'; rename one")
-    raise InputError(f"{table.path}: no column '{name}' for {what}; there is: {', '.join(filter(None, header))}")
+def strays(values: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Which of the values are what files hold where they have none, such as -9999 (`stray_value`)."""
+    found = np.zeros(len(values), bool)
+    while (stray := stray_value(values, found)) is not None:
+        found |= values == stray
+    return found
 
 
-def _value(table: CsvTable, header: Sequence[str], taken: tuple[int, int], named: str | None) -> int:
-    """The column of the value: the one named, or the only other one of numbers."""
-    if named is not None:
-        column = _named(table, header, named, "the value")
-        if column in taken:
-            raise InputError(f"{table.path}: column '{named}' is a position; choose another with value=NAME")
-        return column
-    numeric = [i for i in range(len(header)) if i not in taken and header[i].strip() and _is_numeric(table, i)]
-    likely = [i for i in numeric if not set(_words(header[i])[:1]) & _NO_VALUES]
-    if len(likely) == 1:
-        return likely[0]
-    if len(likely) > 1:
-        listed = ", ".join(header[i] for i in likely)
-        raise InputError(f"{table.path}: more than one column of numbers ({listed}); choose one with value=NAME")
-    others = [i for i in range(len(header)) if i not in taken and not set(_words(header[i])[:1]) & _NO_VALUES]
-    if len(others) == 1:
-        return others[0]  # its first cell that is no number is told by its line
-    raise InputError(f"{table.path}: no column of numbers besides the positions; a value a line is needed")
-
-
-def _is_numeric(table: CsvTable, column: int) -> bool:
-    """Whether the column has a number and nothing else but missing values."""
-    cells = [row[column] for row in table.rows]
-    present = [cell for cell in cells if not missing(cell)]
-    return bool(present) and all(table.number(cell) is not None for cell in present)
+def _hemispheres(table: CsvTable, column: int, axis: str) -> Float[np.ndarray, " n"] | None:
+    """1 or -1 for each row, where the next column holds hemispheres and nothing else; None where not."""
+    if column + 1 >= len(table.rows[0]):
+        return None
+    turned = [hemisphere(row[column + 1], axis) for row in table.rows]
+    return None if None in turned else np.array(turned, float)
 
 
 def _without_units_line(table: CsvTable, position: tuple[int, int]) -> CsvTable:
     """The table without a line of units below its header, as some data servers write it."""
     if table.header is None or len(table.rows) < 2:
         return table
-    cells = [table.rows[0][i] for i in position]
-    if any(table.number(cell) is not None or missing(cell) for cell in cells):
+    first, second = ([row[i] for i in position] for row in table.rows[:2])
+    if any(_is_place(table, cell) or missing(cell) for cell in first):
         return table
     if any(table.number(cell) is not None for cell in table.rows[0]):
         return table
-    below = [table.rows[1][i] for i in position]
-    if any(table.number(cell) is None for cell in below):
+    if not all(_is_place(table, cell) for cell in second):
         return table
     return table._replace(rows=table.rows[1:], lines=table.lines[1:])
 
 
-def _check_degrees(samples: Samples, lines: Sequence[int]) -> None:
+def _is_place(table: CsvTable, cell: str) -> bool:
+    return table.number(cell) is not None or any(angle(cell, axis) is not None for axis in "xy")
+
+
+def _check_degrees(samples: Samples) -> None:
     if not samples.geographic:
         return
-    wrong = np.flatnonzero((np.abs(samples.y) > 90) | (samples.x < -180) | (samples.x > 360))
-    if len(wrong):
-        i = int(wrong[0])
+    wrong: Sequence[int] = np.flatnonzero((np.abs(samples.y) > 90) | (samples.x < -180) | (samples.x > 360)).tolist()
+    if wrong:
+        i = wrong[0]
         raise InputError(
-            f"{samples.source}, line {lines[i]}: {samples.names[0]}={samples.x[i]:g}, {samples.names[1]}="
+            f"{samples.source}, line {samples.lines[i]}: {samples.names[0]}={samples.x[i]:g}, {samples.names[1]}="
             f"{samples.y[i]:g} is no place on Earth; name the columns x and y if they are metres"
         )
-
-
-def _words(name: str) -> list[str]:
-    return re.findall(r"[a-z0-9]+", name.lower())

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from maipp.errors import InputError
 from maipp.fields.samples import Samples, load_samples
 from maipp.geo import WGS84, Crs, GeoReference
 from maipp.surveys.area import FreeSpace
+from maipp.surveys.clean import Cleaned, fitted, merged, without_spikes
+from maipp.surveys.joined import joined
 from maipp.surveys.place import Place
 from maipp.surveys.survey import SampleFile, Survey
 from maipp.surveys.systems import file_system, to_user
@@ -50,11 +53,16 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
     frame, kernel, fit = place.frame, survey.kernel, None
     x, values = np.zeros((0, 2)), np.zeros(0)
     if survey.samples is not None:
-        x, values = _samples(survey, place, warnings)
+        samples = _samples(survey, place, warnings)
         given = (kernel.length_scale_m, kernel.mean, kernel.std)
         if any(value is None for value in given):
-            fit = _fit(survey, x, values, kernel.mean)
-            warnings += [f"{survey.samples.file.name}: {warning}" for warning in fit.warnings]
+            fit_to = partial(_fit, survey, kernel.mean)
+            if survey.samples.check:
+                samples, fit = fitted(samples, fit_to)
+            else:
+                fit = fit_to(samples.x, samples.y)
+            warnings += [f"{survey.samples.file.name}: {note}" for note in (*samples.notes, *fit.warnings)]
+        x, values = samples.x, samples.y
     metres, mean, std, assumed = _kernel(survey, fit, math.sqrt(space.region.area))
     if assumed:
         warnings.append(
@@ -115,28 +123,29 @@ def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float,
     return float(metres), float(mean), float(std), assumed
 
 
-def _samples(
-    survey: Survey, place: Place, warnings: list[str]
-) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]:
-    """The samples in and near the area: local metres and values in the unit."""
+def _samples(survey: Survey, place: Place, warnings: list[str]) -> Cleaned:
+    """The samples in and near the area, one a place: local metres and values in the unit; adds to the warnings."""
     assert survey.samples is not None
     path = survey.samples.file
-    samples = load_samples(path, **survey.samples.columns)
-    values = np.asarray(samples.value, np.float64)
+    samples = load_samples(path, **survey.samples.columns) if survey.samples.track is None else joined(survey.samples)
+    told = list(samples.notes)
     if samples.dropped:
-        warnings.append(f"{path.name}: {samples.dropped} lines without a position or a value left out")
+        told.append(f"{samples.dropped} lines without a position or a value left out")
     crs = file_system(_system(survey.samples, samples, place.crs), place.crs, str(path))
     metres = place.frame.to_plane(to_user(samples.points, crs, str(path)))
     distance = shapely.distance(place.area, shapely.points(metres))
     inside = int((distance <= 0).sum())
     if not inside:
         hint = "are its columns swapped, or its coordinates of another kind than the mission's (give samples.crs)?"
-        raise InputError(f"{path}: none of its {len(values)} samples lies in the area; {hint}")
+        raise InputError(f"{path}: none of its {len(samples.value)} samples lies in the area; {hint}")
     # From half the longest side of the area on a sample tells nothing of it.
     near = np.asarray(distance <= place.frame.scale / 2)
     if not near.all():
-        warnings.append(f"{path.name}: {int((~near).sum())} of {len(near)} samples lie far from the area; left out")
-    return metres[near], values[near]
+        told.append(f"{int((~near).sum())} of {len(near)} samples lie far from the area; left out")
+    found = merged(metres[near], samples.value[near], samples.lines[near])
+    found = without_spikes(found) if survey.samples.check else found
+    warnings += [f"{path.name}: {note}" for note in (*told, *found.notes)]
+    return found._replace(notes=[])
 
 
 def _system(file: SampleFile, samples: Samples, own: Crs) -> Crs | None:
@@ -144,7 +153,7 @@ def _system(file: SampleFile, samples: Samples, own: Crs) -> Crs | None:
     return file.crs or (WGS84 if samples.geographic and not own.geographic else None)
 
 
-def _fit(survey: Survey, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"], mean: float | None) -> Any:
+def _fit(survey: Survey, mean: float | None, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"]) -> Any:
     from maipp.belief.fit import fit_kernel
 
     assert survey.samples is not None

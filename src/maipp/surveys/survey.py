@@ -118,6 +118,16 @@ class SampleFile:
     y: Column | None = None
     value: Column | None = None
     crs: Crs | None = None  # of its positions; None: degrees where the columns' names say so, else the mission's
+    track: Annotated[Path, "the path of a CSV or GPX file"] | None = (
+        None  # where the sensor was, for values without places
+    )
+    time: Column | None = None  # in the file itself
+    track_time: Column | None = None
+    offset_s: Annotated[float, Within(-1e10, most=1e10, wide=True), "a number of seconds"] = (
+        0.0  # the track's clock less the file's
+    )
+    lag_s: Annotated[float, Within(-1e6, most=1e6), "a number of seconds"] = 0.0  # from where water is to its value
+    check: bool = True  # leave out what cannot belong to the field
     where: str = "samples"
 
     @property

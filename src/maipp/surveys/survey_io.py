@@ -76,6 +76,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         "start": lambda value: value.fit(Pair, f"a start; give {axes}"),
         "end": lambda value: value.fit(_End, f"an end; give start, {axes}, or a list of such"),
         "reserve": _share,
+        "track": lambda value: _file(value, folder, "the path of a CSV or GPX file"),
     }
     survey = root.record(
         Survey,
@@ -231,7 +232,11 @@ def _returns(root: Value) -> bool:
 def _samples(value: Value, readers: _Readers) -> SampleFile:
     if isinstance(value.value, str):
         return SampleFile(readers["file"](value), where=value.place)
-    return value.record(SampleFile, readers, where=value.place)
+    file = value.record(SampleFile, readers, where=value.place)
+    for key in ("time", "track_time", "offset_s", "lag_s"):
+        if key in value and file.track is None:
+            value[key].wrong("is for values without positions; give the track they were measured on")
+    return file
 
 
 def _rehearsal(value: Value, folder: Path, readers: _Readers) -> Rehearsal:
