@@ -26,6 +26,7 @@ import numpy as np
 
 SOURCE = Path(__file__).parents[2] / "src"
 AHEAD = 8  # requests sent before the first of them is answered
+SPIKES, DECIDED = 0.05, 0.05  # shares of measurements that are wrong, and on which a person decides
 GRID = b'{"query": "belief"}\n'
 
 
@@ -144,8 +145,12 @@ class Team:
             for share in np.linspace(0, 1, self.per_leg + 1)[1:]:
                 spot = _along(path, share) + self.rng.normal(0, 0.001, 2)
                 when = now + share * (answer["arrival"] - now)
-                value = truth(*spot) + float(self.rng.normal(0, 0.01))
+                spike = 50.0 * (self.rng.random() < SPIKES)
+                value = truth(*spot) + float(self.rng.normal(0, 0.01)) + spike
                 self.report("measurement", name, time=when, position=spot.tolist(), value=value)
+                if self.rng.random() < DECIDED:
+                    kind = "keep" if spike or self.rng.random() < 0.3 else "withdraw"
+                    self.report(kind, name, time=when, measurement=self.events[-1]["id"])
             where[name] = path[-1] + self.rng.normal(0, 0.005, 2)
             clock[name] = answer["arrival"] * 1.001
 

@@ -189,8 +189,8 @@ def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(
     monkeypatch.setattr(world, "_RESERVE", 0.2)
     scenario = SCENARIO.replace(comm_range=0.3)
     crew = follow(scenario, tiny_planner, None, exact=False)
-    room = [survey._measurements.slots_per_robot for survey in crew.surveys]
-    assert max(room) > 1  # it has grown
+    room = [len(survey._measurements.slots().y) for survey in crew.surveys]
+    assert max(room) > scenario.agents  # it has grown
 
 
 def test_what_no_survey_was_told_is_unknown():

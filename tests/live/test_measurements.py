@@ -1,28 +1,37 @@
 """Measurements of a live survey: a set of them, whatever the order they came in."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.live.measurements import Measurements, Sample
+from maipp.live.gate import LEVEL, Gate, Kernel
+from maipp.live.measurements import Decision, Measurements, room_for
+from maipp.live.sample import Sample
 
-NUMBER = st.floats(-1, 1, width=32)
+NUMBER = st.floats(-1, 1, width=32).map(lambda number: number + 0.0)  # without -0.0, as events are read
 SAMPLES = st.lists(st.builds(Sample, NUMBER, st.integers(0, 2), NUMBER, NUMBER, NUMBER), max_size=24)
 
 
-def taken_in(samples, room=3):
-    measurements = Measurements(3, room, np.dtype("float32"))
-    for sample in samples:
-        measurements.add(sample)
+def empty(room=3, level=0.0):
+    return Measurements(3, room, np.dtype("float32"), Gate(Kernel(0.45, 1.0, 1e-4), level))
+
+
+def taken_in(samples, room=3, level=0.0):
+    measurements = empty(room, level)
+    for index, sample in enumerate(samples):
+        measurements.add(sample, f"m{index}")
     return measurements
 
 
+@pytest.mark.parametrize("level", [0.0, LEVEL])
 @given(samples=SAMPLES, data=st.data())
-def test_neither_order_nor_copies_matter(samples, data):
+def test_neither_order_nor_copies_matter(samples, level, data):
     copies = data.draw(
         st.permutations(samples + data.draw(st.lists(st.sampled_from(samples)) if samples else st.just([])))
     )
-    for mine, other in zip(taken_in(samples).slots(), taken_in(copies).slots(), strict=True):
+    both = taken_in(samples, level=level).slots(), taken_in(copies, level=level).slots()
+    for mine, other in zip(*both, strict=True):
         assert mine.tobytes() == other.tobytes()
 
 
@@ -43,13 +52,34 @@ def test_each_robot_has_its_slots_in_the_order_of_time():
 
 @given(most=st.integers(0, 2000), room=st.integers(1, 300))
 def test_room_doubles_until_the_busiest_robot_has_enough(most, room):
-    measurements = Measurements(2, room, np.dtype("float32"))
-    measurements._ordered[1] = [Sample(0.0, 1, 0.0, 0.0, 0.0)] * most
-    slots = measurements.slots_per_robot
+    slots = room_for(most, room)
     assert slots >= most and slots % room == 0 and (slots // room).bit_count() == 1
     assert slots == room or slots < 2 * most
 
 
 def test_a_set_knows_its_size():
     measurements = taken_in([Sample(index, 0, 0, 0, 0) for index in range(20)])
-    assert len(measurements) == 20 and measurements.slots_per_robot == 24 and len(measurements.slots().y) == 72
+    assert len(measurements) == 20 and len(measurements.slots().y) == 72
+
+
+def test_what_a_person_decides_counts_the_latest_first_and_before_it_is_known():
+    sample, other = Sample(1.0, 0, 0.1, 0.2, 8.0), Sample(2.0, 0, 0.9, 0.9, 0.1)
+    measurements = empty(level=LEVEL)
+    measurements.decide("a", Decision(3.0, "keep", True))
+    measurements.add(sample, "a")
+    measurements.add(other, "b")
+    assert len(measurements) == 2 and measurements.everything[0] == ("a", sample, None)
+    measurements.decide("a", Decision(4.0, "withdraw", False))
+    measurements.decide("a", Decision(2.0, "earlier", True))
+    assert len(measurements) == 1 and measurements.everything[0] == ("a", sample, "withdrawn")
+    measurements.add(sample, "again")  # another report of the same
+    assert measurements.reports([sample]) == ["a", "again"] and len(measurements) == 1
+    measurements.decide("again", Decision(5.0, "keep", True))
+    assert len(measurements) == 2
+
+
+def test_values_that_no_float_can_work_with_are_cut_when_kept():
+    measurements = taken_in([Sample(1.0, 0, 0.1, 0.2, 1e300)], level=LEVEL)
+    assert not len(measurements) and np.isfinite(measurements.slots().y).all()
+    measurements.decide("m0", Decision(1.0, "k", True))
+    assert measurements.slots().y.max() == 1e4

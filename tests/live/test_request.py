@@ -14,6 +14,8 @@ FULL = {
     "gone": {"time": 0},
     "budget": {"time": 1, "budget": 7},
     "heard": {"position": [0, 0], "time": 1, "packed": "AAAA"},
+    "withdraw": {"measurement": "m", "time": 1},
+    "keep": {"measurement": "m", "time": 1},
 }
 
 

@@ -98,7 +98,7 @@ def test_two_surveys_on_one_journal_are_refused(make, tmp_path):
 
 
 def test_what_is_refused_is_not_in_the_journal(make, tmp_path):
-    with make(tmp_path / "j") as survey:
+    with make(tmp_path / "j", gate=0.0) as survey:  # which would take a value of any size
         before = (tmp_path / "j").read_bytes()
         for wrong in (
             arrived("a", position=(0.5, 90.0)),
@@ -223,7 +223,7 @@ def test_the_same_measurement_under_another_id_counts_once(make):
     with make() as survey:
         survey.handle(measured("a"))
         before = text(survey.belief())
-        assert survey.handle(measured("b")) == {"answer": "noted", "id": "b"}
+        assert survey.handle(measured("b")) == {"answer": "noted", "id": "b", "surprise": 1.0}
         assert text(survey.belief()) == before and survey.state()["measurements"] == 1
 
 

@@ -18,9 +18,11 @@ def test_every_key_has_its_row():
     expected = [key for key in survey_io.KEYS if key != "kernel"]
     expected += [f"robots[].{key}" for key in survey_io.ROBOT_KEYS] + [f"kernel.{key}" for key in survey_io.KERNEL_KEYS]
     assert sorted(named) == sorted(expected)
-    told = set(re.findall(r"`([a-z_]+)`", table))
-    others = survey_io.VEHICLE_KEYS + survey_io.SCENARIO_KEYS + survey_io.REHEARSAL_KEYS + survey_io.SAMPLE_KEYS
-    assert set(others) <= told
+    others = survey_io.VEHICLE_KEYS + survey_io.SCENARIO_KEYS + survey_io.REHEARSAL_KEYS
+    assert set(others) <= set(re.findall(r"`([a-z_]+)`", table))
+    samples = PAGE.partition("### Old samples")[2].partition("Positions may")[0]
+    rows = re.findall(r"^\| (`.*?`) \|", samples, flags=re.MULTILINE)
+    assert sorted(re.findall(r"`([a-z_]+)`", " ".join(rows))) == sorted(survey_io.SAMPLE_KEYS)
 
 
 def test_the_mission_on_the_page_is_one(tmp_path):

@@ -106,6 +106,11 @@ def stray_value(values: Float[np.ndarray, "..."], missing: np.ndarray | None = N
     return None
 
 
+def is_stray(value: float) -> bool:
+    """Whether a number is one that files and sensors say where they have no value, such as -9999."""
+    return value in _STRAY or abs(value) > 1e19
+
+
 def filled(
     values: Float[np.ndarray, "rows cols"], missing: np.ndarray, x: np.ndarray, y: np.ndarray, source: str
 ) -> Float[np.ndarray, "rows cols"]:

@@ -1,15 +1,17 @@
 """What an event means in the survey's own units, and what it changes: the same live and from the journal."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from maipp.errors import InputError
-from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Measurement
-from maipp.live.measurements import Sample
+from maipp.fields.raster_data import is_stray
+from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Keep, Measurement, Withdraw
+from maipp.live.measurements import Decision
 from maipp.live.messages import unpack
 from maipp.live.robots import Robot
+from maipp.live.sample import Sample
 from maipp.live.units import Units
 
 Pair = tuple[Any, Any]  # a message and a memory, as the planner has them
@@ -18,10 +20,19 @@ Pair = tuple[Any, Any]  # a message and a memory, as the planner has them
 _LARGEST_TOLD = 1e9
 
 
-def inside(event: Event, units: Units, nothing: Pair) -> dict[str, Any]:
+class Effect(NamedTuple):
+    """What an answered event changes."""
+
+    robot: Robot  # that takes the place of the one of its name
+    sample: Sample | None = None
+    decision: Decision | None = None
+
+
+def inside(event: Event, units: Units, nothing: Pair, gated: bool = False) -> dict[str, Any]:
     """The event's numbers in domain units, standardised values and the scenario's time.
 
-    `nothing` are the planner's empty message and memory. Raises `InputError` for what cannot be.
+    `nothing` are the planner's empty message and memory; `gated` says that values of any size may come. Raises
+    `InputError` for what cannot be.
     """
     inner: dict[str, Any] = {"time": units.time("time", event.time)}
     if isinstance(event, Measurement | Arrived | Heard):
@@ -30,7 +41,7 @@ def inside(event: Event, units: Units, nothing: Pair) -> dict[str, Any]:
         told = event.travelled
         inner["travelled"] = None if told is None else units.length("travelled", told)
     if isinstance(event, Measurement):
-        inner["value"] = units.value("value", event.value)
+        inner["value"], inner["stray"] = units.value("value", event.value, gated=gated), is_stray(event.value)
     if isinstance(event, Budget):
         inner["budget"] = units.length("budget", event.budget)
     if isinstance(event, Heard):
@@ -48,16 +59,16 @@ def effect(
     answer: dict[str, Any],
     state: dict[str, Any] | None,
     nothing: Pair,
-) -> tuple[Robot, Sample | None]:
-    """What an answered event changes: the robot that takes the place of this one (its number, it), and a measurement.
+) -> Effect:
+    """What an answered event changes; `robot` is the one that it is of, and its number.
 
     `answer` is what was answered, `state` what an arrival changes, or a budget that sends the robot home.
     """
     number, changed = robot[0], robot[1].copy()
-    time, sample = inner["time"], None
+    time, sample, decision = inner["time"], None, None
     if isinstance(event, Measurement):
         x, y = inner["position"].tolist()
-        sample = Sample(time, number, x, y, inner["value"])
+        sample = Sample(time, number, x, y, inner["value"], inner["stray"])
         changed.note_measurement(time, inner["travelled"])
     elif isinstance(event, Arrived):
         assert state is not None
@@ -77,4 +88,6 @@ def effect(
             changed.divert(time, state["odometer"], state["planned"], leg, answer, nothing[0])
     elif isinstance(event, Heard):
         changed.announce(time, inner["position"], inner["message"])
-    return changed, sample
+    elif isinstance(event, Withdraw | Keep):
+        decision = Decision(time, event.id, isinstance(event, Keep))
+    return Effect(changed, sample, decision)

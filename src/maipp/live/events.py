@@ -15,6 +15,7 @@ _Id = Annotated[Id, f"a text of 1 to {LONGEST_ID} characters that no other event
 _Time = Annotated[float, Within(0, wide=True), "a time >= 0 in seconds since the survey's epoch"]
 _Travelled = Annotated[float, Within(0, wide=True), "the length >= 0 of the way since the robot's start"]
 _Budget = Annotated[float, Within(0, wide=True), "a length >= 0"]
+_Report = Annotated[Id, f"the id of a measurement, a text of 1 to {LONGEST_ID} characters"]
 _Packed = Annotated[str, Length(most=10_000), "the message's own text"]
 
 
@@ -71,7 +72,27 @@ class Heard:
     packed: _Packed  # of the message in that process's answer
 
 
-Event = Measurement | Arrived | Gone | Budget | Heard
+@dataclass(frozen=True)
+class Withdraw:
+    """A measurement counts no more, whatever it is."""
+
+    id: _Id
+    robot: str
+    measurement: _Report
+    time: _Time
+
+
+@dataclass(frozen=True)
+class Keep:
+    """A measurement counts, however surprising it is."""
+
+    id: _Id
+    robot: str
+    measurement: _Report
+    time: _Time
+
+
+Event = Measurement | Arrived | Gone | Budget | Heard | Withdraw | Keep
 
 KINDS: dict[str, type[Event]] = {
     "measurement": Measurement,
@@ -79,6 +100,8 @@ KINDS: dict[str, type[Event]] = {
     "gone": Gone,
     "budget": Budget,
     "heard": Heard,
+    "withdraw": Withdraw,
+    "keep": Keep,
 }
 
 

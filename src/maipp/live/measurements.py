@@ -1,21 +1,14 @@
 """What has been measured: a set, whose order is always the same whichever order its members came in."""
 
 from bisect import insort
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from maipp.live.gate import Gate, Verdict
+from maipp.live.sample import LARGEST_VALUE, Sample
 from maipp.typing import Bool, Float, Int
-
-
-class Sample(NamedTuple):
-    """A measurement in the order that measurements of a robot are conditioned in: by time, then what it says."""
-
-    time: float  # the scenario's time
-    robot: int
-    x: float  # domain units
-    y: float
-    value: float  # standardised
 
 
 class Slots(NamedTuple):
@@ -28,46 +21,108 @@ class Slots(NamedTuple):
     mask: Bool[np.ndarray, " s"]
 
 
-class Measurements:
-    """The measurements so far.
+class Decision(NamedTuple):
+    """What a person decided on a measurement, and when; of several the latest counts."""
 
-    The same measurement reported under two ids counts once. `slots` depends on the set alone, not on its history.
+    time: float
+    event: str  # id of the event that said so
+    kept: bool  # it counts whatever it is; else it is withdrawn
+
+
+class Measurements:
+    """The measurements so far, and which of them count.
+
+    The same measurement reported under two ids counts once. All depends on the set of reports, not on their order.
     """
 
-    def __init__(self, robots: int, room: int, real: np.dtype) -> None:
+    def __init__(self, robots: int, room: int, real: np.dtype, gate: Gate) -> None:
         """Room for `room` measurements of each robot at first; it doubles when one of them needs more."""
-        self._room, self._real = room, real
-        self._ordered: list[list[Sample]] = [[] for _ in range(robots)]
+        self._robots, self._room, self._real, self._gate = robots, room, real, gate
+        self._ordered: list[Sample] = []
         self._seen: set[Sample] = set()
+        self._ids: dict[str, Sample] = {}  # of every report
+        self._decisions: dict[str, Decision] = {}  # by the id of the report
         self._slots: Slots | None = None
 
     def __len__(self) -> int:
-        return len(self._seen)
+        """How many count."""
+        return sum(verdict.out is None for verdict in self.verdicts().values())
 
-    def add(self, sample: Sample) -> None:
-        """Take in a measurement."""
+    def add(self, sample: Sample, report: str) -> None:
+        """Take in a measurement; `report` is the id of the event that told it."""
         if sample not in self._seen:
-            self._seen.add(sample)
-            insort(self._ordered[sample.robot], sample)
-            self._slots = None
+            insort(self._ordered, sample)
+        self._seen.add(sample)
+        self._ids[report] = sample
+        self._slots = None
+
+    def decide(self, report: str, decision: Decision) -> None:
+        """Take in what a person decided on the measurement told by a report, which may still come."""
+        self._decisions[report] = max(decision, self._decisions.get(report, decision))
+        self._slots = None
+
+    def knows(self, report: str) -> bool:
+        """Whether the report has come."""
+        return report in self._ids
+
+    def verdicts(
+        self, *more: tuple[Sample, str], decided: Mapping[str, Decision] | None = None
+    ) -> dict[Sample, Verdict]:
+        """The verdict on each measurement that is not withdrawn, in the order of time.
+
+        As if `more`, each with the id of its report, had come, and the decisions `decided` had been made.
+        """
+        ids = self._ids | {report: sample for sample, report in more}
+        decisions = dict(self._decisions)
+        for report, decision in (decided or {}).items():
+            decisions[report] = max(decision, decisions.get(report, decision))
+        latest: dict[Sample, Decision] = {}
+        for report, decision in decisions.items():
+            if report in ids:
+                latest[ids[report]] = max(decision, latest.get(ids[report], decision))
+        ordered = [*self._ordered]
+        for sample, _ in more:
+            if sample not in self._seen:
+                insort(ordered, sample)
+        given = [sample for sample in ordered if sample not in latest or latest[sample].kept]
+        kept = {sample for sample, decision in latest.items() if decision.kept}
+        return dict(zip(given, self._gate.judge(given, kept), strict=True))
+
+    def reports(self, samples: Collection[Sample]) -> list[str]:
+        """The ids of the reports that told these measurements, in order."""
+        return sorted(report for report, sample in self._ids.items() if sample in samples)
 
     @property
-    def slots_per_robot(self) -> int:
-        """Slots in use and empty. Each number is a shape of its own to compile for, so that there are few of them."""
-        most = max(map(len, self._ordered))
-        return self._room << (max(-(-most // self._room), 1) - 1).bit_length()
+    def everything(self) -> list[tuple[str, Sample, str | None]]:
+        """Every measurement in the order of time: its first report, and why it does not count (None: it counts)."""
+        verdicts, first = self.verdicts(), dict[Sample, str]()
+        for report, sample in sorted(self._ids.items(), reverse=True):
+            first[sample] = report
+        out = {sample: verdict.out for sample, verdict in verdicts.items()}
+        return [(first[sample], sample, out.get(sample, "withdrawn")) for sample in self._ordered]
 
     def slots(self) -> Slots:
-        """All measurements."""
+        """The measurements that count; those of each robot have as many slots, in use and empty.
+
+        Each number of slots is a shape of its own to compile for, so that there are few of them.
+        """
         if self._slots is None:
-            robots, each = len(self._ordered), self.slots_per_robot
-            x, y = np.zeros((robots, each, 2), self._real), np.zeros((robots, each), self._real)
-            time = np.full((robots, each), np.inf, self._real)
-            for robot, samples in enumerate(self._ordered):
+            counted = [sample for sample, verdict in self.verdicts().items() if verdict.out is None]
+            own = [[sample for sample in counted if sample.robot == robot] for robot in range(self._robots)]
+            each = room_for(max(map(len, own)), self._room)
+            x, y = np.zeros((self._robots, each, 2), self._real), np.zeros((self._robots, each), self._real)
+            time = np.full((self._robots, each), np.inf, self._real)
+            for robot, samples in enumerate(own):
                 rows = np.array([(s.x, s.y, s.value, s.time) for s in samples], np.float64).reshape(-1, 4)
-                x[robot, : len(rows)], y[robot, : len(rows)] = rows[:, :2], rows[:, 2]
+                x[robot, : len(rows)] = rows[:, :2]
+                y[robot, : len(rows)] = np.clip(rows[:, 2], -LARGEST_VALUE, LARGEST_VALUE)
                 time[robot, : len(rows)] = rows[:, 3]
-            by = np.repeat(np.arange(robots, dtype=np.int32), each)
+            by = np.repeat(np.arange(self._robots, dtype=np.int32), each)
             flat = time.reshape(-1)
             self._slots = Slots(x.reshape(-1, 2), y.reshape(-1), flat, by, np.isfinite(flat))
         return self._slots
+
+
+def room_for(most: int, room: int) -> int:
+    """Slots of each robot for so many measurements of the busiest: `room`, doubled until they fit."""
+    return room << (max(-(-most // room), 1) - 1).bit_length()

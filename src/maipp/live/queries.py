@@ -39,7 +39,7 @@ def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> d
     }
 
 
-def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: int) -> dict[str, Any]:
+def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements) -> dict[str, Any]:
     """What is known of the robots, and how much has been reported."""
     units = setup.units
     rows = [
@@ -55,7 +55,9 @@ def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: int)
         }
         for robot in robots
     ]
-    return {"answer": "state", "events": events, "measurements": measurements, "robots": rows}
+    out = [{"id": report, "reason": reason} for report, _, reason in measurements.everything if reason is not None]
+    counts = {"answer": "state", "events": events, "measurements": len(measurements)}
+    return counts | ({"kept_out": out} if out else {}) | {"robots": rows}
 
 
 def belief(

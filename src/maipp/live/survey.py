@@ -12,16 +12,18 @@ from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, Made, decide_arrival, turn_home
-from maipp.live.effects import effect, inside
-from maipp.live.events import Arrived, Budget, Event, fingerprint, read_event, write_event
+from maipp.live.effects import Effect, effect, inside
+from maipp.live.events import Arrived, Budget, Event, Keep, Measurement, Withdraw, fingerprint, read_event, write_event
+from maipp.live.gate import LEVEL
 from maipp.live.journal import Journal
-from maipp.live.measurements import Measurements, Sample
+from maipp.live.judged import judged
+from maipp.live.measurements import Measurements
 from maipp.live.messages import describe, pack
 from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
 from maipp.live.whole import whole
-from maipp.live.world import Setup, World, draw_world, make_setup
+from maipp.live.world import Setup, World, draw_world, make_gate, make_setup
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
@@ -43,7 +45,8 @@ class LiveSurvey:
         """
         self.world, self.setup = world, setup
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
-        self._measurements = Measurements(len(setup.robots), setup.room, real)
+        gate = make_gate(world, setup.gate)
+        self._measurements = Measurements(len(setup.robots), setup.room, real, gate)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
         planner: Planner = world.planner
@@ -75,18 +78,20 @@ class LiveSurvey:
         prior: tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]] | None = None,
         prior_noise: float | None = None,
         epoch: float = 0.0,
+        gate: float = LEVEL,
     ) -> "LiveSurvey":
         """A survey of a scenario; by default in its own units, with robots called robot1, robot2 and so on.
 
         `seed` draws starts where the scenario gives none, roadmaps, and the planner's randomness. `prior` are older
         samples: domain positions and standardised values, whose noise variance is `prior_noise`, or the scenario's.
+        Measurements more surprising than `gate` standard deviations are kept out of the belief; with 0 none is.
         Raises `InputError` for a planner, an option or a journal that cannot be used.
         """
         built = make_planner(planner, scenario, options)
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
         names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
-        setup = make_setup(scenario, planner, options, seed, names, Units(scenario.extent, epoch=epoch))
+        setup = make_setup(scenario, planner, options, seed, names, Units(scenario.extent, epoch=epoch), gate)
         return cls(draw_world(built, scenario, seed, prior, prior_noise), setup, journal)
 
     @classmethod
@@ -107,7 +112,7 @@ class LiveSurvey:
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
         scenario = prepared.scenario
-        setup = make_setup(scenario, name, options, seed, prepared.names, units)
+        setup = make_setup(scenario, name, options, seed, prepared.names, units, prepared.survey.gate)
         return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.
@@ -135,7 +140,7 @@ class LiveSurvey:
             if known != digest:
                 raise InputError(f"id: another event has the id {event.id[:60]!r}; give each event its own")
             return copy.deepcopy(answer)
-        inner = inside(event, self.setup.units, self._nothing)
+        inner = inside(event, self.setup.units, self._nothing, self.setup.gate > 0)
         answer, state = self._answer(event, inner)
         whole(answer)
         effect = self._effect(event, inner, answer, state)
@@ -158,7 +163,7 @@ class LiveSurvey:
     def state(self) -> dict[str, Any]:
         """What is known of the robots, and how much has been reported."""
         self._check_sound()
-        return queries.state(self.setup, self._robots, len(self._answers), len(self._measurements))
+        return queries.state(self.setup, self._robots, len(self._answers), self._measurements)
 
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
@@ -216,6 +221,8 @@ class LiveSurvey:
         """The answer to an event, and what it changes besides: for an arrival, and a budget that sends a robot home."""
         if isinstance(event, Budget):
             return self._granted(event, inner)
+        if isinstance(event, Measurement | Withdraw | Keep):
+            return judged(event, self._effect(event, inner, {}, None), self._measurements), None
         if not isinstance(event, Arrived):
             return {"answer": "noted", "id": event.id}, None
         robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
@@ -273,17 +280,18 @@ class LiveSurvey:
 
     def _effect(
         self, event: Event, inner: dict[str, Any], answer: dict[str, Any], state: dict[str, Any] | None
-    ) -> tuple[Robot, Sample | None]:
+    ) -> Effect:
         number = self.setup.robots.index(event.robot)
         return effect(event, inner, (number, self._robots[number]), answer, state, self._nothing)
 
-    def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: tuple[Robot, Sample | None]) -> None:
+    def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: Effect) -> None:
         """Take over an effect. Once begun, nothing is answered until it has been done in full."""
-        robot, sample = effect
         self._unsound = event.id
-        if sample is not None:
-            self._measurements.add(sample)
-        self._robots[self.setup.robots.index(event.robot)] = robot
+        if effect.sample is not None:
+            self._measurements.add(effect.sample, event.id)
+        if effect.decision is not None and isinstance(event, Withdraw | Keep):
+            self._measurements.decide(event.measurement, effect.decision)
+        self._robots[self.setup.robots.index(event.robot)] = effect.robot
         self._answers[event.id] = digest, answer
         self._unsound = None
 
@@ -324,7 +332,7 @@ class LiveSurvey:
                 )
         for record in self._journal.records[1:]:
             event = read_event(record["event"], self.setup.robots)
-            inner = inside(event, self.setup.units, self._nothing)
+            inner = inside(event, self.setup.units, self._nothing, self.setup.gate > 0)
             effect = self._effect(event, inner, record["answer"], record.get("state"))
             self._apply(event, fingerprint(event), record["answer"], effect)
         self._journal.records.clear()

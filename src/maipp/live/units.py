@@ -1,18 +1,19 @@
 """The caller's coordinates and units on one side, domain units and standardised values on the other."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
+from maipp.live.sample import LARGEST_VALUE
 from maipp.typing import Float
 
 Pair = tuple[float, float]
 
 # What float32 can work with. Positions may lie this many domain units outside of the domain: robots drift.
 _OUTSIDE = 1.0
-_LARGEST_VALUE = 1e4  # prior standard deviations
 _LARGEST_LENGTH = 1e4  # domain units
 _LARGEST_TIME = 1e8  # seconds
 
@@ -53,11 +54,11 @@ class Units:
             raise InputError(f"{key}: {list(point)} is far outside of the survey's area{swapped}")
         return x + 0.0, y + 0.0
 
-    def value(self, key: str, value: float) -> float:
-        """Standardised value of the caller's value."""
+    def value(self, key: str, value: float, *, gated: bool = False) -> float:
+        """Standardised value of the caller's value; of one that a gate judges any finite number will do."""
         inner = value if self.frame is None else float(self.frame.to_domain_values(value))
-        if not abs(inner) <= _LARGEST_VALUE:
-            raise InputError(f"{key}: {value:g} is more than {_LARGEST_VALUE:g} standard deviations from the mean")
+        if not (math.isfinite(inner) if gated else abs(inner) <= LARGEST_VALUE):
+            raise InputError(f"{key}: {value:g} is more than {LARGEST_VALUE:g} standard deviations from the mean")
         return inner + 0.0
 
     def length(self, key: str, length: float) -> float:

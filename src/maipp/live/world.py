@@ -14,6 +14,7 @@ import numpy as np
 
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
+from maipp.live.gate import LEVEL, Gate, Kernel
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -36,6 +37,17 @@ class World:
     def compiled(self) -> Planner:
         """The planner as compiled code takes it."""
         return self.planner.on(self.mission.problem)
+
+
+def make_gate(world: World, level: float) -> Gate:
+    """The gate of a survey: it judges by the kernel and the old samples that beliefs are of."""
+    params, mission = world.mission.params, world.mission
+    kernel = Kernel(*(float(number) for number in (params.length_scale, params.signal_variance, params.noise)))
+    if mission.prior_x is None or mission.prior_y is None:
+        return Gate(kernel, level)
+    noise = np.full(len(mission.prior_y), kernel.noise) if mission.prior_noise is None else mission.prior_noise
+    x, y, variance = (np.asarray(array, np.float64) for array in (mission.prior_x, mission.prior_y, noise))
+    return Gate(kernel, level, (x, y, variance))
 
 
 Prior = tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]
@@ -61,6 +73,7 @@ class Setup:
     robots: tuple[str, ...]
     room: int  # measurements of each robot that there is room for at first
     units: Units
+    gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -70,6 +83,7 @@ class Setup:
             self.seed,
             self.robots,
             self.room,
+            self.gate,
             dataclasses.asdict(self.units),
             world.scenario.to_dict(),
         ]
@@ -90,9 +104,10 @@ def make_setup(
     seed: int,
     robots: Sequence[str],
     units: Units,
+    gate: float = LEVEL,
 ) -> Setup:
     """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
     room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units)
+    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate)

@@ -170,6 +170,8 @@ class Survey:
     samples: SampleFile | None = None
     noise: Annotated[_NotNegative, "a standard deviation >= 0, in the unit"] | None = None  # of a measurement
     kernel: Kernel = Kernel()
+    # Surprise of a measurement, in standard deviations, beyond which a live survey keeps it out; 0: none.
+    gate: Annotated[float, Within(0, most=1000), "standard deviations from 0 (no gate) to 1000"] = 5.0
     communication_range_m: Annotated[Metres, "a length > 0, in metres, or null for any distance"] | None = None
     vehicle: Vehicle = Vehicle()  # whom the mission files are for
     return_home: bool = False  # robots without an end return to their start

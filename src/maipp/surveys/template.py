@@ -6,9 +6,9 @@ TEMPLATE = """\
 
 name: lake                       # what mission files and figures are titled with
 
-# Where. A GeoJSON file (Polygon, MultiPolygon, Feature or FeatureCollection; holes are islands), the same inline, a
-# list of positions around the border, or the cells of a gridded map: {raster: FILE, below: 0}. Positions are
-# [longitude, latitude] in degrees (WGS84), or [x, y] in metres with `metres: true`.
+# Where. A file of polygons (GeoJSON, KML, KMZ, GPX, QGroundControl .plan, GeoPackage or Shapefile; holes are islands),
+# GeoJSON inline, a list of positions around the border, or the cells of a gridded map: {raster: FILE, below: 0}.
+# Positions are [longitude, latitude] in degrees (WGS84), or [x, y] in metres with `metres: true`.
 area: [[4.7300, 52.2400], [4.7460, 52.2400], [4.7480, 52.2460], [4.7400, 52.2500], [4.7300, 52.2480]]
 # metres: false
 # crs: EPSG:25833                # coordinate reference system of positions in this file that are not WGS84
@@ -34,10 +34,13 @@ threshold: 12                    # values above 12 ug/L matter
 
 # What is known before: old measurements, from which mean, spread and length scale are fitted...
 # samples: {file: samples.csv, x: longitude, y: latitude, value: chlorophyll}
+# samples: {file: sonde.csv, value: chlorophyll, track: boat.gpx, offset_s: 0}
 kernel:                          # ... or given here; what is given wins over the fit
   length_scale_m: 300            # distance over which values stay alike
   mean: 9
   std: 4
+
+# gate: 5                        # live: how surprising a measurement may be, in standard deviations; 0 takes all
 
 # vehicle: boat                  # whom mission files are for; or {kind: copter, altitude_m: 20, autopilot: px4}
 
