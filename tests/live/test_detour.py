@@ -1,45 +1,77 @@
+"""Robots that are not where a planner thought are led out of no-go zones, and around them."""
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from maipp.engine.polyline import shortened
-from maipp.live.detour import keep_out
+from maipp.live import LiveSurvey
+from maipp.live.detour import keep_out, way_out
 from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario
+from tests.conftest import TINY_PLANNERS
 
 SQUARE = ((0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6))
 ZONE = Scenario(obstacles=(SQUARE,))
 ZONES = Obstacles((SQUARE,))
-CORNERS = np.array([[0.35, 0.35], [0.65, 0.35], [0.65, 0.65], [0.35, 0.65]])
 AXIS = st.floats(0, 1)
 
 
 def test_a_free_leg_stays():
     leg = np.array([[0.1, 0.1], [0.3, 0.9], [0.9, 0.9]])
-    assert keep_out(ZONE, leg, CORNERS) is leg
-    assert keep_out(Scenario(), np.array([[0.1, 0.5], [0.9, 0.5]]), None) is not None
+    assert keep_out(ZONE, leg) is leg
+    across = np.array([[0.1, 0.5], [0.9, 0.5]])
+    assert keep_out(Scenario(), across) is across
 
 
-def test_a_leg_across_a_zone_goes_by_a_node():
-    leg = np.array([[0.3, 0.45], [0.55, 0.35]])
-    np.testing.assert_array_equal(keep_out(ZONE, leg, CORNERS), [leg[0], CORNERS[0], leg[1]])
-    assert keep_out(ZONE, leg, None) is None
-    assert keep_out(ZONE, np.array([[0.3, 0.5], [0.7, 0.5]]), CORNERS) is None  # one node is not enough
+def test_a_leg_across_a_zone_goes_around_it_by_the_shortest_way():
+    leg = np.array([[0.3, 0.5], [0.7, 0.5], [0.9, 0.9]])
+    kept = keep_out(ZONE, leg)
+    assert kept is not None and not ZONES.crosses(kept[:-1], kept[1:]).any()
+    shortest = 2 * np.hypot(0.1, 0.1) + 0.2 + np.hypot(0.2, 0.4)
+    assert np.hypot(*np.diff(kept, axis=0).T).sum() == pytest.approx(shortest, rel=0.01)
 
 
 @given(x=AXIS, y=AXIS, to_x=AXIS, to_y=AXIS)
-def test_no_leg_crosses_a_zone_but_to_leave_it(x, y, to_x, to_y):
-    leg = np.array([[x, y], [to_x, to_y]])
-    assume(ZONES.free(leg[1:])[0])
-    kept = keep_out(ZONE, leg, CORNERS)
-    if kept is None:
+def test_no_leg_from_where_planners_may_begin_crosses_a_zone(x, y, to_x, to_y):
+    place, end = np.array([x, y]), np.array([to_x, to_y])
+    assume(ZONES.free(end[None])[0])
+    begun = way_out(ZONE, place)
+    assert ZONES.free(begun[None])[0]
+    outside = max(min(x - 0.4, 0.6 - x, y - 0.4, 0.6 - y), 0.0)  # how deep in the zone it is
+    assert np.hypot(*(begun - place)) == pytest.approx(outside, abs=3e-3)
+    kept = keep_out(ZONE, np.stack([begun, end]))
+    if kept is None:  # an end within the clearance of the zone
+        assert not ZONES.free(end + 4e-3 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]])).all()
         return
-    np.testing.assert_array_equal(kept[[0, -1]], leg)
-    drifted = not ZONES.free(leg[:1])[0]
-    assert not ZONES.crosses(kept[drifted:-1], kept[1 + drifted :]).any()
-    if drifted:
-        assert np.hypot(*(kept[1] - kept[0])) <= 0.1 + 1e-4  # half the square's side is the farthest way out
+    np.testing.assert_array_equal(kept[[0, -1]], [begun, end])
+    assert not ZONES.crosses(kept[:-1], kept[1:]).any()
+
+
+@given(x=st.floats(-0.2, 1.2), y=st.floats(-0.2, 1.2))
+def test_who_is_outside_of_the_domain_comes_back_the_shortest_way(x, y):
+    place = np.array([x, y])
+    np.testing.assert_array_equal(way_out(Scenario(), place), np.clip(place, 0, 1))
+
+
+@pytest.mark.parametrize("planner", TINY_PLANNERS)
+def test_a_robot_that_has_drifted_goes_out_by_the_shortest_way_with_every_planner(planner):
+    """Into a zone, and out of the domain; asked twice from one spot it is told the same."""
+    scenario = Scenario(
+        agents=1, budget=3.0, start=((0.1, 0.1),), grid=8, nodes=16, neighbours=5, obstacles=(SQUARE,), noise=1e-2
+    )
+    survey = LiveSurvey.from_scenario(scenario, planner, TINY_PLANNERS[planner])
+    for number, (x, y, first) in enumerate([(0.42, 0.5, (0.4, 0.5)), (0.5, 0.59, (0.5, 0.6)), (1.02, 0.3, (1.0, 0.3))]):
+        told = []
+        for again in "ab":
+            event = {"event": "arrived", "id": f"{number}{again}", "robot": "robot1", "position": [x, y]}
+            told.append(survey.handle(event | {"time": number + 1.0, "travelled": 0.2 * number}))
+        one, other = ({key: value for key, value in answer.items() if key != "id"} for answer in told)
+        assert one == other and one["answer"] == "go"
+        assert one["waypoints"][0] == pytest.approx(first, abs=4e-3)
+        way = np.array(one["waypoints"])
+        assert not ZONES.crosses(way[:-1], way[1:]).any() and (way >= 0).all() and (way <= 1).all()
 
 
 @given(length=st.floats(0, 3))

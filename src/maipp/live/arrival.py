@@ -1,6 +1,6 @@
 """An arrival: what the robot and its team are known to do at that moment, and what is decided from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from maipp.engine.decision import Knowledge
 from maipp.engine.homing import whole_way_home
 from maipp.engine.polyline import place_at, shortened, without_repeats
 from maipp.engine.state import AT_HOME
-from maipp.live.detour import keep_out
+from maipp.live.detour import keep_out, way_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
 from maipp.live.robots import GONE, TRAVELLING, Robot
@@ -33,6 +33,7 @@ class Arrival:
     position: Float[np.ndarray, "2"]  # domain units
     time: float  # the scenario's time
     odometer: float  # domain units
+    drifted: "Arrival | None" = None  # from where it has to come to this position first
 
     @property
     def to_next_measurement(self) -> float:
@@ -82,6 +83,15 @@ class Arrival:
             real(count) * real(interval) if abs(place - count * interval) < DISTANCE_TOLERANCE else place, real
         )
 
+    def from_free(self) -> "Arrival":
+        """The same where a planner may begin: where the robot is, but in a no-go zone and outside of the domain."""
+        place = way_out(self.world.scenario, self.position)
+        gap = float(np.hypot(*(place - self.position)))
+        if gap == 0.0:
+            return self
+        later = {"time": self.time + gap / self.robot.speed, "odometer": self.odometer + gap}
+        return replace(self, position=place, drifted=self, **later)
+
     @cached_property
     def home(self) -> Home | None:
         """Where the robot is to end; None: anywhere."""
@@ -93,9 +103,10 @@ class Arrival:
     def decided(self) -> Departure:
         """The engine's answer, on the host."""
         world, agent = self.world, self.robots.index(self.robot)
-        key = jax.random.fold_in(jax.random.fold_in(world.key, agent), self.robot.arrivals)
-        memory = jax.device_put(self.robot.memory)
-        return jax.device_get(decide(world.compiled, world.mission, key, self.knowledge, memory))
+        asked = self.drifted or self
+        memory, decisions = self.robot.before(asked.position, asked.odometer)
+        key = jax.random.fold_in(jax.random.fold_in(world.key, agent), decisions)
+        return jax.device_get(decide(world.compiled, world.mission, key, self.knowledge, jax.device_put(memory)))
 
 
 class Made(NamedTuple):
@@ -121,14 +132,13 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     spendable = robot.budget - arrival.world.scenario.reserves[arrival.robots.index(robot)]
     if arrival.home is None and spendable - arrival.odometer <= DISTANCE_TOLERANCE:
         return stop("budget", robot.memory)
-    outcome = arrival.decided()
+    begun = arrival.from_free()
+    outcome = begun.decided()
     if not outcome.go:
         spent = spendable - arrival.odometer <= DISTANCE_TOLERANCE
         return stop("home" if outcome.stopped_by == AT_HOME else "budget" if spent else "planner", outcome.memory)
-    scenario, roadmap = arrival.world.scenario, arrival.world.mission.roadmap
-    nodes = None if roadmap is None else np.asarray(roadmap.nodes, np.float64)[arrival.robots.index(robot)]
-    planned_leg = without_repeats(np.concatenate([here, outcome.leg[1:].astype(np.float64)]))
-    leg = keep_out(scenario, planned_leg, nodes)
+    way = keep_out(arrival.world.scenario, np.concatenate([begun.position[None], outcome.leg[1:].astype(np.float64)]))
+    leg = None if way is None else without_repeats(np.concatenate([here, way]))
     if leg is None:
         return stop("no-go", outcome.memory)
     if not outcome.homeward:
@@ -150,7 +160,8 @@ def turn_home(arrival: Arrival, nothing: tuple[Any, Any]) -> Made | None:
     _, back = whole_way_home(home, robot.leg[-1])
     if rest + back <= left + DISTANCE_TOLERANCE:
         return None
-    way, _ = whole_way_home(home, arrival.position)
+    way, _ = whole_way_home(home, arrival.from_free().position)
+    way = without_repeats(np.concatenate([arrival.position[None], way]))
     return _made(arrival, way, True, nothing[0], robot.memory)
 
 

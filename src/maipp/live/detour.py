@@ -1,13 +1,14 @@
-"""Legs of robots that are not where a planner thought: kept out of the no-go zones all the same."""
+"""Robots that are not where a planner thought: led out of no-go zones, and around them."""
 
 from functools import lru_cache
 
 import numpy as np
 import shapely
-from shapely.ops import nearest_points
 
+from maipp.engine.polyline import without_repeats
 from maipp.roadmap import Obstacles
-from maipp.scenario import DISTANCE_TOLERANCE, Scenario
+from maipp.roadmap.zones import free_space
+from maipp.scenario import Scenario
 from maipp.typing import Float
 
 
@@ -16,33 +17,27 @@ def _zones(scenario: Scenario) -> Obstacles | None:
     return Obstacles(scenario.obstacles) if scenario.obstacles else None
 
 
-def keep_out(
-    scenario: Scenario, leg: Float[np.ndarray, "v 2"], nodes: Float[np.ndarray, "n 2"] | None
-) -> Float[np.ndarray, "w 2"] | None:
-    """The leg, led around no-go zones by way of one of the roadmap's `nodes` where it crosses any; None: no way found.
-
-    A robot that has drifted into a zone first leaves it by the shortest way.
-    """
+def way_out(scenario: Scenario, position: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+    """The nearest place where a planner may begin: the position itself, but in a zone and outside of the domain."""
+    inside = np.clip(position, 0.0, scenario.extent)
     zones = _zones(scenario)
-    if zones is None or not zones.crosses(leg[:-1], leg[1:]).any():
+    if zones is None or (zones.free(position[None])[0] and (inside == position).all()):
+        return inside
+    free = free_space(scenario.obstacles, scenario.extent).outside
+    if free.is_empty:
+        return position
+    return shapely.get_coordinates(shapely.shortest_line(free, shapely.Point(position)))[0]
+
+
+def keep_out(scenario: Scenario, leg: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"] | None:
+    """The leg, its parts that cross a no-go zone led around it by the shortest way; None: there is none."""
+    zones = _zones(scenario)
+    if zones is None or not (crosses := zones.crosses(leg[:-1], leg[1:])).any():
         return leg
-    out = [] if zones.free(leg[:1])[0] else [leg[0]]
-    start = _exit(zones, leg[0]) if out else leg[0]
-    direct = np.concatenate([start[None], leg[1:]])
-    if not zones.crosses(direct[:-1], direct[1:]).any():
-        return np.array([*out, *direct])
-    if nodes is None or zones.crosses(leg[1:-1], leg[2:]).any():
-        return None
-    first = zones.crosses(np.broadcast_to(start, nodes.shape), nodes)
-    second = zones.crosses(nodes, np.broadcast_to(leg[1], nodes.shape))
-    way = np.hypot(*(nodes - start).T) + np.hypot(*(leg[1] - nodes).T)
-    way[first | second] = np.inf
-    best = int(np.argmin(way))
-    return np.array([*out, start, nodes[best], *leg[1:]]) if np.isfinite(way[best]) else None
-
-
-def _exit(zones: Obstacles, position: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
-    """The nearest place outside of the zones, by a hair more than on their border."""
-    border = nearest_points(zones.union.boundary, shapely.Point(position))[0]
-    step = np.array([border.x, border.y]) - position
-    return position + step * (1.0 + 2 * DISTANCE_TOLERANCE / max(float(np.hypot(*step)), DISTANCE_TOLERANCE))
+    free, places = free_space(scenario.obstacles, scenario.extent), [leg[:1]]
+    for begin, end, around in zip(leg[:-1], leg[1:], crosses, strict=True):
+        way = free.way(begin, end) if around else np.stack([begin, end])
+        if way is None:
+            return None
+        places.append(way[1:])
+    return without_repeats(np.concatenate(places))

@@ -28,7 +28,8 @@ class Robot:
     message: Any  # what it announced last: a pytree of host arrays
     memory: Any  # of the planner, likewise
     status: str = WAITING
-    arrivals: int = 0  # decisions taken for it
+    earlier: Any = None  # of the planner, before the last decision
+    arrivals: int = 0  # decisions taken for it, those repeated on one spot counted once
     latest: float = 0.0  # time of its latest report of any kind
     time: float = 0.0  # of the last report of where it is
     odometer: float = 0.0  # way travelled then
@@ -73,6 +74,14 @@ class Robot:
             return max(told, self.odometer)
         return self.odometer + followed(self.leg, position)
 
+    def before(self, position: Float[np.ndarray, "2"], odometer: float) -> tuple[Any, int]:
+        """The planner's memory to decide from there, and how many decisions came before.
+
+        Where it has not moved since the last one, these are as they were then: it asks the same again.
+        """
+        still = self.arrivals > 0 and odometer == self.odometer and (position == self.leg[0]).all()
+        return (self.earlier, self.arrivals - 1) if still else (self.memory, self.arrivals)
+
     def to_next_measurement(self, time: float, odometer: float, interval: float) -> float:
         """Way until it is to measure again, in (0, interval], counted from where it last did, or was to."""
         last = self.planned if self.planned <= odometer + _SHORT * interval else 0.0
@@ -100,12 +109,13 @@ class Robot:
 
         `planned` is the odometer at the leg's last measurement, or at the one planned before where it has none.
         """
+        self.earlier, decisions = self.before(leg[0], odometer)
+        self.arrivals = decisions + 1
         insort(self.fixes, (time, odometer))
         self.latest = self.time = time
         self.odometer, self.leg, self.answer = odometer, leg, answer
         self.planned, self.message, self.memory = planned, message, memory
         self.status, self.homeward = TRAVELLING if len(leg) > 1 else STOPPED, homeward
-        self.arrivals += 1
 
     def divert(
         self,

@@ -104,6 +104,24 @@ class FreeSpace:
         steps = np.hypot(*(moved - np.stack([point, end])).T).sum()
         return float(self.lengths_to(moved[:1], moved[1])[0] + steps) if reached.all() else math.inf
 
+    def way(self, point: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]) -> Float[np.ndarray, "w 2"] | None:
+        """The shortest way between two points, which may lie at the edge of a zone, both included.
+
+        None where there is none; a place may be there twice in a row.
+        """
+        moved, reached = self.moved_out(np.stack([point, end]))
+        if not reached.all():
+            return None
+        places, onward = [point, moved[0]], self.ways_to(moved[1:])[:, 0]
+        around = _lengths(moved[:1], self.corners, self._core)[0] + onward
+        while not np.isfinite(_lengths(places[-1][None], moved[1:], self._core)[0, 0]):
+            if not np.isfinite(around.min(initial=np.inf)) or len(places) > len(self.corners) + 2:
+                return None
+            corner = int(np.argmin(around))
+            places.append(self.corners[corner])
+            around = self.legs[corner] + onward
+        return np.array([*places, moved[1], end])
+
     def moved_out(self, points: Float[np.ndarray, "q 2"]) -> tuple[np.ndarray, np.ndarray]:
         """Points at the edge of a zone moved to where ways may end; True for all but those too deep in a zone."""
         if self.outside.is_empty:
