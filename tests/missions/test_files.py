@@ -15,7 +15,9 @@ def named(folder):
 
 def test_all_formats_are_written(plan, tmp_path):
     written = write_mission_files(plan, tmp_path / "new" / "missions")
-    names = ["Nord_Süd 1.plan", "south & east.plan", "routes.gpx", "routes.geojson", "waypoints.csv"]
+    stems = "Nord_Süd 1", "south & east"
+    names = [f"{stem}.{suffix}" for suffix in ("plan", "waypoints") for stem in stems]
+    names += ["routes.gpx", "routes.geojson", "waypoints.csv"]
     assert written == [tmp_path / "new" / "missions" / name for name in names]
     assert named(tmp_path / "new" / "missions") == sorted(names)
     for path in written:
@@ -29,7 +31,9 @@ def test_in_metres_only_what_makes_sense(plan_in_metres, tmp_path):
     assert [path.name for path in written] == ["routes-in-metres.json", "waypoints.csv"]
     assert written[0].read_bytes() == (GOLDEN / "routes-in-metres.json").read_bytes()
     missing = left_out(plan_in_metres)
-    assert list(missing) == ["plan", "gpx", "geojson"] and all("longitudes" in why for why in missing.values())
+    assert list(missing) == ["plan", "waypoints", "gpx", "geojson"] and all(
+        "longitudes" in why for why in missing.values()
+    )
     assert left_out(plan_in_metres, ["csv"]) == {}
 
 
@@ -55,7 +59,7 @@ def test_all_or_nothing(plan, tmp_path, monkeypatch, broken):
 
     def fail(*arguments):
         calls.append(arguments)
-        if broken != "write_atomic" or len(calls) == 4:  # the fourth of five files
+        if broken != "write_atomic" or len(calls) == 4:  # the fourth of seven files
             raise OSError("disk full")
         Path(arguments[0]).write_text(arguments[1])
 
@@ -63,6 +67,14 @@ def test_all_or_nothing(plan, tmp_path, monkeypatch, broken):
     with pytest.raises(OSError, match="disk full"):
         write_mission_files(plan, tmp_path)
     assert named(tmp_path) == ["routes.gpx"] and (tmp_path / "routes.gpx").read_text() == "of last week"
+
+
+def test_files_of_robots_that_are_gone_go_and_others_stay(plan, tmp_path):
+    write_mission_files(plan, tmp_path)
+    (tmp_path / "own.plan").write_text("{}")
+    fewer = RoutePlan("", plan.routes[:1], plan.area, (), True)
+    write_mission_files(fewer, tmp_path)
+    assert not [name for name in named(tmp_path) if name.startswith("south")] and "own.plan" in named(tmp_path)
 
 
 def test_a_folder_that_is_a_file_is_told(plan, tmp_path):
@@ -74,7 +86,7 @@ def test_a_folder_that_is_a_file_is_told(plan, tmp_path):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"formats": ["kml"]}, "mission format 'kml' is not known; give plan, gpx, geojson, csv"),
+        ({"formats": ["kml"]}, "mission format 'kml' is not known; give plan, waypoints, gpx, geojson, csv"),
         ({"vehicle": "submarine"}, "vehicle 'submarine' is not known"),
         ({"vehicle": "copter"}, "needs an altitude"),
         ({"vehicle": Vehicle("copter", altitude=20.0), "altitude": 30.0}, "altitude is given twice"),

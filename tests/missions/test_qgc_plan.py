@@ -54,8 +54,8 @@ SCHEMA = an_object(
                 "firmwareType": {"enum": [3, 12]},
                 "vehicleType": {"enum": [2, 10, 11]},
                 "globalPlanAltitudeMode": {"enum": [0, 1, 2, 3, 4]},
-                "cruiseSpeed": {"type": "number", "exclusiveMinimum": 0},
-                "hoverSpeed": {"type": "number", "exclusiveMinimum": 0},
+                "cruiseSpeed": {"type": "integer", "exclusiveMinimum": 0},  # Mission Planner's reader wants it whole
+                "hoverSpeed": {"type": "integer", "exclusiveMinimum": 0},
                 "plannedHomePosition": a_tuple(LATITUDE, LONGITUDE, {"type": "number"}),
                 "items": {"type": "array", "minItems": 1, "items": ITEM},
             }
@@ -105,7 +105,7 @@ def test_the_waypoints_are_the_route(any_plan, data):
         np.testing.assert_allclose(places, route.points, rtol=0, atol=0.51e-7)
         np.testing.assert_allclose(mission["plannedHomePosition"][1::-1], route.points[0], rtol=0, atol=0.51e-7)
         assert [item["doJumpId"] for item in mission["items"]] == list(range(1, len(route.points) + 2))
-        assert mission["cruiseSpeed"] == mission["hoverSpeed"] == route.speed
+        assert mission["cruiseSpeed"] == mission["hoverSpeed"] == max(1, round(route.speed))
 
 
 def test_the_fence_keeps_inside_the_area_and_out_of_the_zones(plan):

@@ -132,6 +132,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     if flags.check:
         console.print(f"{flags.mission}: a valid mission")
         return 0
+    from maipp.missions import fence_for
     from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
@@ -140,6 +141,8 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
         plan = route_plan(prepared, expected.episode)
         written = _write_files(prepared, expected, plan, stage)
     console.print(_robots_table(prepared, expected.episode))
+    if prepared.frame.geographic and (note := fence_for(plan, prepared.survey.vehicle).note) is not None:
+        console.print(f"warning: {note}", markup=False)
     for name in written:
         console.print(f"wrote {flags.out / name}", markup=False)
     return 0

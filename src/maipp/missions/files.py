@@ -1,11 +1,14 @@
 """The mission files of a plan, which replace those of an earlier one together (`maipp.files.staged_folder`)."""
 
+import csv
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
+from maipp.missions.fences import MOST, Fence, fence_of
 from maipp.missions.file_names import file_stems
 from maipp.missions.geojson import geojson_file
 from maipp.missions.gpx import gpx_file
@@ -14,11 +17,13 @@ from maipp.missions.qgc_plan import plan_file
 from maipp.missions.route_plan import RoutePlan
 from maipp.missions.vehicle import Vehicle
 from maipp.missions.waypoints_csv import waypoints_csv_file
+from maipp.missions.waypoints_wpl import wpl_file
 
-FORMATS = ("plan", "gpx", "geojson", "csv")
+FORMATS = ("plan", "waypoints", "gpx", "geojson", "csv")
 
 _NEEDS_WGS84 = {
     "plan": "an autopilot needs longitudes and latitudes",
+    "waypoints": "an autopilot needs longitudes and latitudes",
     "gpx": "GPX is in longitudes and latitudes",
     "geojson": "GeoJSON is in longitudes and latitudes (RFC 7946); routes-in-metres.json holds the same in metres",
 }
@@ -47,9 +52,11 @@ def write_mission_files(
 
     All files or none, as far as `maipp.files.staged_folder` can see to it.
 
-    One `<robot>.plan` a robot, `routes.gpx`, `routes.geojson` and `waypoints.csv`. `vehicle` is its kind ("boat",
+    One `<robot>.plan` and `<robot>.waypoints` a robot,
+    `routes.gpx`, `routes.geojson` and `waypoints.csv`. `vehicle` is its kind ("boat",
     "rover", "copter"; `altitude` in metres above home) or, for more choices, a `Vehicle`. A plan in metres gives
-    `waypoints.csv` and, for "geojson", `routes-in-metres.json`; `left_out` says what is missing, and why.
+    `waypoints.csv` and, for "geojson", `routes-in-metres.json`; `left_out` says what is missing, and why. Files of
+    robots that an earlier call wrote for, and that are no longer in the plan, are removed.
     Raises `InputError` for unknown formats and vehicles, if nothing is left to write, and if it cannot be written.
     """
     missing = left_out(plan, formats)
@@ -58,10 +65,12 @@ def write_mission_files(
     elif altitude is not None:
         raise InputError("altitude is given twice; give it in the Vehicle only")
     contents: dict[str, str] = {}
-    if "plan" in formats and "plan" not in missing:
-        stems = file_stems([route.name for route in plan.routes])
-        for stem, route in zip(stems, plan.routes, strict=True):
-            contents[f"{stem}.plan"] = plan_file(plan, route, vehicle)
+    stems = file_stems([route.name for route in plan.routes])
+    fence = fence_for(plan, vehicle)
+    for name, write in (("plan", partial(plan_file, fence=fence)), ("waypoints", wpl_file)):
+        if name in formats and name not in missing:
+            for stem, route in zip(stems, plan.routes, strict=True):
+                contents[f"{stem}.{name}"] = write(plan, route, vehicle)
     if "gpx" in formats and "gpx" not in missing:
         contents["routes.gpx"] = gpx_file(plan)
     if "geojson" in formats:
@@ -74,7 +83,23 @@ def write_mission_files(
     if not contents:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in missing.items()) or f"give {', '.join(FORMATS)}"
         raise InputError(f"no mission file can be written ({reasons})")
-    with staged_folder(folder) as stage:
+    with staged_folder(folder, gone=_of_robots_before(Path(folder), set(stems))) as stage:
         for name, content in contents.items():
             write_atomic(stage / name, content)
     return [Path(folder) / name for name in contents]
+
+
+def fence_for(plan: RoutePlan, vehicle: Vehicle) -> Fence:
+    """The fence that the plan's files have for this vehicle; its note says what was lost to the autopilot's limit."""
+    return fence_of(plan, MOST[vehicle.autopilot]) if vehicle.fence else Fence(plan.area, plan.no_go)
+
+
+def _of_robots_before(folder: Path, stems: set[str]) -> list[str]:
+    """The names of files of robots that the folder's waypoints.csv has, and that are not among these."""
+    try:
+        with open(folder / "waypoints.csv", encoding="utf-8", newline="") as file:
+            names = dict.fromkeys(row["robot"] for row in csv.DictReader(file))
+        before = set(file_stems([name for name in names if name])) - stems
+    except (OSError, ValueError, KeyError, csv.Error):
+        return []
+    return [f"{stem}.{name}" for stem in sorted(before) for name in ("plan", "waypoints")]

@@ -4,10 +4,11 @@ The format is QGroundControl's own (its developer guide, "Plan File Format"), wi
 mission and 2 of the fence; commands, frames and their parameters are MAVLink's (common message set).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from maipp.errors import InputError
 from maipp.missions.decimals import counterclockwise, rounded
+from maipp.missions.fences import Fence
 from maipp.missions.route_plan import Ring, Route, RoutePlan
 from maipp.missions.vehicle import AUTOPILOTS, KINDS, Vehicle
 from maipp.records import pretty
@@ -20,22 +21,44 @@ _RELATIVE = 1  # QGroundControl's altitude mode: above home
 _GROUND_SPEED, _KEEP_THROTTLE = 1, -1
 
 
-def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None) -> str:
+class Command(NamedTuple):
+    """One item of a mission."""
+
+    command: int  # MAV_CMD
+    frame: int  # MAV_FRAME
+    parameters: tuple[float | None, ...]  # seven: four of its own, then latitude, longitude and altitude
+
+
+def commands(route: Route, vehicle: Vehicle) -> list[Command]:
+    """The mission of a robot: take-off (copters only), speed, and every vertex as a waypoint.
+
+    There is no return to launch, which goes straight and knows no no-go zone: a route that ends at home has the way
+    there.
+    """
+    points = rounded(route.points, geographic=True)
+    # No hold, the autopilot's own acceptance radius, no heading: PX4 takes nothing for that, ArduPilot looks not at it.
+    heading = None if vehicle.autopilot == "px4" else 0.0
+    places = [(0, 0, 0, heading, latitude, longitude, vehicle.height) for longitude, latitude in points]
+    speed = Command(_CHANGE_SPEED, _NO_PLACE, (_GROUND_SPEED, float(route.speed), _KEEP_THROTTLE, 0, 0, 0, 0))
+    items = [speed, *(Command(_WAYPOINT, _ABOVE_HOME, place) for place in places)]
+    if vehicle.flies:  # before the speed: some ArduPilot versions set their own at take-off
+        items.insert(0, Command(_TAKEOFF, _ABOVE_HOME, places[0]))
+    return items
+
+
+def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None, fence: Fence | None = None) -> str:
     """The text of the .plan file of one robot of the plan.
 
-    Take-off (copters only), speed, and every vertex as a waypoint. There is no return to launch, which goes straight
-    and knows no no-go zone: a route that ends at home has the way there. The fence holds the area as inclusion and the
-    no-go zones as exclusion polygons. Raises `InputError` for a plan in metres.
+    The mission is that of `commands`. The fence, the plan's own if none is given, holds the area as inclusion and the
+    no-go zones as exclusion polygons; a robot's home is a rally point. Mission Planner's reader takes it as well: its
+    cruise speeds are whole numbers, and for ArduPilot there are no nulls. Raises `InputError` for a plan in metres.
     """
     if not plan.geographic:
         raise InputError("a .plan file needs longitudes and latitudes (WGS84); this plan is in metres")
-    vehicle = vehicle or Vehicle()
-    points = rounded(route.points, geographic=True)
-    (longitude, latitude), speed = points[0], float(route.speed)
-    items = [_change_speed(speed), *(_at(_WAYPOINT, point, vehicle.height) for point in points)]
-    if vehicle.flies:  # before the speed: some ArduPilot versions set their own at take-off
-        items.insert(0, _at(_TAKEOFF, points[0], vehicle.height))
-    fences = [_polygon(plan.area, inclusion=True), *(_polygon(zone, inclusion=False) for zone in plan.no_go)]
+    vehicle, fence = vehicle or Vehicle(), fence or Fence(plan.area, plan.no_go)
+    (longitude, latitude), cruise = rounded(route.points[:1], geographic=True)[0], max(1, round(route.speed))
+    fences = [_polygon(fence.area, inclusion=True), *(_polygon(zone, inclusion=False) for zone in fence.zones)]
+    homes = [] if route.home is None else rounded(route.home[None], geographic=True)
     content = {
         "fileType": "Plan",
         "version": 1,
@@ -44,32 +67,31 @@ def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None) -> 
             "version": 2,
             "firmwareType": AUTOPILOTS[vehicle.autopilot],
             "vehicleType": KINDS[vehicle.kind],
-            "cruiseSpeed": speed,
-            "hoverSpeed": speed,
+            "cruiseSpeed": cruise,
+            "hoverSpeed": cruise,
             "globalPlanAltitudeMode": _RELATIVE,
             # The altitude of home above sea level is not known; the autopilot sets its own home when it is armed.
             "plannedHomePosition": [latitude, longitude, 0.0],
-            "items": [{**item, "doJumpId": number} for number, item in enumerate(items, start=1)],
+            "items": [_item(number, each) for number, each in enumerate(commands(route, vehicle), start=1)],
         },
         "geoFence": {"version": 2, "circles": [], "polygons": fences if vehicle.fence else []},
-        "rallyPoints": {"version": 2, "points": []},
+        "rallyPoints": {"version": 2, "points": [[y, x, vehicle.height] for x, y in homes]},
     }
     return pretty(content) + "\n"
 
 
-def _change_speed(speed: float) -> dict[str, Any]:
-    return _item(_CHANGE_SPEED, _NO_PLACE, [_GROUND_SPEED, speed, _KEEP_THROTTLE, 0, 0, 0, 0])
-
-
-def _at(command: int, point: list[float], altitude: float) -> dict[str, Any]:
-    """A command at a place: no hold, the autopilot's own acceptance radius, no heading asked for."""
-    longitude, latitude = point
-    item = _item(command, _ABOVE_HOME, [0, 0, 0, None, latitude, longitude, altitude])
-    return item | {"Altitude": altitude, "AltitudeMode": _RELATIVE, "AMSLAltAboveTerrain": None}
-
-
-def _item(command: int, frame: int, parameters: list[Any]) -> dict[str, Any]:
-    return {"type": "SimpleItem", "command": command, "frame": frame, "params": parameters, "autoContinue": True}
+def _item(number: int, item: Command) -> dict[str, Any]:
+    told = {
+        "type": "SimpleItem",
+        "command": item.command,
+        "frame": item.frame,
+        "params": list(item.parameters),
+        "autoContinue": True,
+    }
+    if item.frame == _ABOVE_HOME:
+        altitude = item.parameters[-1]
+        told |= {"Altitude": altitude, "AltitudeMode": _RELATIVE, "AMSLAltAboveTerrain": altitude}
+    return told | {"doJumpId": number}
 
 
 def _polygon(ring: Ring, *, inclusion: bool) -> dict[str, Any]:

@@ -36,6 +36,7 @@ class Route:
     times: np.ndarray  # (k,) float64, seconds from the start of the survey at each vertex
     speed: float  # metres per second
     measurements: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))  # (n, 2) float64, places, in order
+    home: np.ndarray | None = None  # (2,) float64, where it is to end; None: anywhere
 
     def __post_init__(self) -> None:
         check_text(self.name, "the name of a robot")
@@ -54,6 +55,8 @@ class Route:
         if speed <= 0:
             raise InputError(f"{where}: speed is {speed:g}; give metres per second above 0")
         measurements = places(self.measurements, f"{where}: measurements")
+        if self.home is not None:
+            object.__setattr__(self, "home", _numbers(self.home, f"{where}: home", (2,)))
         for name, value in (("points", points), ("times", times), ("speed", speed), ("measurements", measurements)):
             object.__setattr__(self, name, value)
 

@@ -12,6 +12,8 @@ from maipp.missions.route_plan import Route, RoutePlan
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
+_SAME_PLACE = 0.01  # metres: vertices nearer to each other are one
+
 
 def route_plan(prepared: PreparedSurvey, episode: Episode) -> RoutePlan:
     """What to load on the robots: the episode's routes, with the area and the zones.
@@ -20,10 +22,13 @@ def route_plan(prepared: PreparedSurvey, episode: Episode) -> RoutePlan:
     """
     check_routes(prepared, episode)
     routes = []
-    for robot, agent in zip(prepared.survey.robots, episode.agents, strict=True):
+    scenario = prepared.scenario
+    every = scenario.ends_from(scenario.starts) if scenario.homes else ((),) * scenario.agents
+    for robot, agent, ends in zip(prepared.survey.robots, episode.agents, every, strict=True):
         points, times = vertices(prepared, agent)
         measured = prepared.frame.to_user(agent.measurement_x)
-        routes.append(Route(robot.name, points, times, robot.speed, measured))
+        home = points[-1] if ends else None  # which is where the engine has it end
+        routes.append(Route(robot.name, points, times, robot.speed, measured, home))
     return _plan(prepared, routes)
 
 
@@ -68,7 +73,9 @@ def vertices(prepared: PreparedSurvey, agent: AgentRecord) -> tuple[Float[np.nda
         index = np.arange(len(route))
         route = np.stack([np.interp(shares, index, route[:, axis]) for axis in (0, 1)], axis=-1)
         times = np.interp(shares, index, times)
-    return frame.to_user(route), times
+    # Where it turns to what it measures it may be twice: a leg of no length stops some autopilots.
+    apart = np.append(True, np.hypot(*np.diff(route, axis=0).T) * frame.scale > _SAME_PLACE)
+    return frame.to_user(route[apart]), times[apart]
 
 
 def _pieces(frame: GeoReference, start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"], most: float) -> int:

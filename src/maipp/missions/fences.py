@@ -1,0 +1,87 @@
+"""The fence of a plan in no more vertices than an autopilot stores: inside the area, and around the zones."""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from maipp.missions.route_plan import Ring, RoutePlan
+
+# Vertices of all fences together: what ArduPilot's documentation and PX4's source tell.
+MOST = {"ardupilot": 70, "px4": 64}
+_METRES = 111_320.0  # in a degree of latitude, near enough to simplify by
+_FINEST, _COARSEST, _STEP = 0.25, 0.05, 1.25  # metres; share of the area's longest side; from one try to the next
+
+_ROUND = 1.05  # buffers have chords for arcs, which lie nearer
+
+
+class Fence(NamedTuple):
+    """What an autopilot is to keep inside of, and out of."""
+
+    area: Ring
+    zones: tuple[Ring, ...]
+    note: str | None = None  # what was lost, for people to read
+
+
+def fence_of(plan: RoutePlan, most: int) -> Fence:
+    """The fence in at most `most` vertices, simplified inward of the area and outward of the zones.
+
+    No route crosses it: where that would take more vertices, it has more, and the note says so.
+    """
+    own = Fence(plan.area, plan.no_go)
+    given = count = len(plan.area) + sum(map(len, plan.no_go))
+    if given <= most:
+        return own
+    scale = _scale(plan)
+    area, zones = Polygon(plan.area * scale), shapely.union_all([Polygon(zone * scale) for zone in plan.no_go])
+    routes = shapely.union_all([_line(route.points * scale) for route in plan.routes])
+    west, south, east, north = area.bounds
+    best, shift, tolerance = own, 0.0, _FINEST
+    while count > most and tolerance <= _COARSEST * max(east - west, north - south):
+        inner, outer = (
+            _polygons(area.buffer(-_ROUND * tolerance).simplify(tolerance)),
+            _polygons(_grown(zones, tolerance)),
+        )
+        if len(inner) != 1 or not inner[0].contains(routes) or any(zone.intersects(routes) for zone in outer):
+            break
+        rings = [np.array(shapely.get_coordinates(each.exterior)[:-1]) for each in (*inner, *outer)]
+        if (fewer := sum(map(len, rings))) < count:
+            best, shift, count = Fence(rings[0], tuple(rings[1:])), tolerance, fewer
+        tolerance *= _STEP
+    if count > most:
+        note = f"the fence has {count} vertices, of which an autopilot may store {most} only; the routes are too near "
+        note += "to it for fewer: give more clearance_m, or vehicle: {fence: false}"
+        return own._replace(note=note) if best is own else _told(best, scale, note)
+    free = area.difference(zones).area
+    kept = Polygon(best.area).difference(shapely.union_all([Polygon(zone) for zone in best.zones])).area
+    note = f"the fence has {count} of {given} vertices to fit the autopilot: up to {2 * shift:.1f} m inside the free "
+    return _told(best, scale, note + f"area, leaving out {1 - kept / free:.1%} of it")
+
+
+def _told(fence: Fence, scale: Float[np.ndarray, "2"], note: str) -> Fence:
+    """A fence in metres in the plan's own coordinates, with a note."""
+    return Fence(fence.area / scale, tuple(zone / scale for zone in fence.zones), note)
+
+
+def _scale(plan: RoutePlan) -> Float[np.ndarray, "2"]:
+    """Metres in a unit of x and y."""
+    if not plan.geographic:
+        return np.ones(2)
+    latitude = float(np.radians(plan.area[:, 1].mean()))
+    return _METRES * np.array([np.cos(latitude), 1.0])
+
+
+def _line(points: Float[np.ndarray, "k 2"]) -> BaseGeometry:
+    return LineString(points) if len(points) > 1 else Point(points[0])
+
+
+def _grown(region: BaseGeometry, by: float) -> BaseGeometry:
+    """The region grown by so many metres, shrunk if less than 0, in few vertices: never by more than twice that."""
+    return region if region.is_empty else region.buffer(_ROUND * by).simplify(abs(by))
+
+
+def _polygons(region: BaseGeometry) -> list[Polygon]:
+    return [part for part in shapely.get_parts(region) if isinstance(part, Polygon) and not part.is_empty]
