@@ -55,8 +55,9 @@ def test_a_planned_survey_leaves_files_and_a_table(mission, capsys):
     assert {"waypoints.csv", "routes-in-metres.json", "episode.json", "overview.png"} <= names
     assert ("report.html" in names) == (find_spec("plotly") is not None) and "kernel.png" not in names
     assert all(f"wrote {out / name}" in printed for name in names)
-    one = next(line.split() for line in printed.splitlines() if line.split()[:1] == ["one"])
-    assert one[1:5] == ["1500", "100%", "12.5", "5"]
+    before, after = (line.split() for line in printed.splitlines() if line.split()[:1] == ["one"])
+    assert before[3:] == ["2", "1500", "12.5", "0", "anywhere", "-"]
+    assert after[1:5] == ["1500", "100%", "12.5", "5"]
     assert read_episode(out / "episode.json").geo.value_name == "salt (g/L)"
     json.loads((out / "routes-in-metres.json").read_text(encoding="utf-8"))
 

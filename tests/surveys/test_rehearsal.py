@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import io
 import math
+import re
 
 import jax
 import numpy as np
@@ -101,7 +102,17 @@ def result_of(*teams):
 def test_it_says_whether_a_further_robot_is_worth_it(trace, error, verdict):
     sentences = words(result_of(team(1, [40, 41, 43, 44], [3, 3.1, 3.2, 3.3]), team(2, trace, error)))
     assert sentences[0].startswith("1 robot with greedy: the error falls from 4 to 3.15 g/L (RMSE), and 50%")
-    assert sentences[1].startswith(f"2 robots instead of 1: {verdict}.")
+    assert re.fullmatch(
+        rf"2 robots instead of 1: the error changes by \S+ \(.*\) to \S+ g/L, {verdict}; "
+        rf"the uncertainty left by \S+ \(.*\), {verdict}, and 50% instead of 50% .*",
+        sentences[1],
+    )
+
+
+def test_a_gain_in_one_measure_hides_no_loss_in_the_other():
+    less, more = team(1, [40, 41, 43, 44], [3, 3.1, 3.2, 3.3]), team(2, [20, 21, 22, 23], [3.2, 3.31, 3.39, 3.5])
+    sentences = words(result_of(less, more))
+    assert "the error changes by +6%" in sentences[1] and "a loss; the uncertainty left by -49%" in sentences[1]
 
 
 def test_the_best_planner_is_told_and_whether_that_is_sure():

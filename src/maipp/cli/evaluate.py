@@ -8,12 +8,11 @@ from typing import Annotated
 
 import tyro
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
 from maipp.benchmarks.page import three
-from maipp.cli.notes import counting_bar, notes_console
+from maipp.cli.notes import counting_bar, notes_console, results_console
 from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
@@ -99,8 +98,8 @@ def run(flags: Evaluate) -> int:
             raise refused
         return code
     # The table makes way where standard output is the JSON, and keeps its width where it goes to a file.
-    out = Console(file=sys.stderr if flags.json == "-" else sys.stdout, highlight=False)
-    out.print(_table(done), width=None if out.is_terminal else 100)
+    out = results_console(stderr=flags.json == "-")
+    out.print(_table(done))
     if flags.json == "-":
         sys.stdout.write(to_json(done))
     elif to_file:

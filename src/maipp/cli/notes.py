@@ -3,6 +3,16 @@
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+_PIPE = 1000  # columns
+
+
+def results_console(stderr: bool = False) -> Console:
+    """Standard output as it is; tables that go into a pipe or file are as wide as they need."""
+    console = Console(stderr=stderr, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console.width = _PIPE
+    return console
+
 
 def notes_console() -> Console:
     """Standard error as it is: nothing highlighted, long lines left to the terminal."""

@@ -1,16 +1,19 @@
 """`maipp survey`: from a mission file to routes that can be loaded, and what the team can expect of them."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from maipp.cli.notes import results_console
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 from maipp.records import assignments
@@ -30,10 +33,13 @@ _ONLY_SOMETIMES = ("kernel.png", "report.html")  # among the files of a planned 
 class Survey:
     """Plan a survey of a real place from a mission file (docs/survey.md), or rehearse it.
 
-    maipp survey --new mission.yaml          write a commented mission file to start from
-    maipp survey mission.yaml --check        say what is wrong with it, or what will be planned
-    maipp survey mission.yaml --out DIR      plan it: mission files for the robots, report.html, overview.png
-    maipp survey mission.yaml --rehearse     simulate it on possible fields: what can the team expect?
+    maipp survey --new mission.yaml: write a commented mission file to start from
+
+    maipp survey mission.yaml --check: say what is wrong with it, or what will be planned
+
+    maipp survey mission.yaml --out DIR: plan it, mission files for the robots, report.html, overview.png
+
+    maipp survey mission.yaml --rehearse: simulate it on possible fields, what can the team expect?
     """
 
     mission: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="MISSION.yaml")] = None
@@ -124,7 +130,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     from maipp.surveys.routes import check_files
     from maipp.surveys.standardise import prepare
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = results_console()
     prepared = prepare(survey, planner=flags.planner, planner_options=assignments(flags.settings))
     prepared.make_planner()  # before any work
     check_files(prepared)
@@ -195,8 +201,34 @@ def _describe(prepared: "PreparedSurvey", console: Console) -> None:
     if survey.threshold is not None:
         table.add_row("of interest", f"{'below' if survey.below else 'above'} {survey.threshold:g}{unit}")
     console.print(table)
+    console.print(_team_table(prepared))
     for warning in prepared.warnings:
         console.print(f"warning: {warning}", markup=False)
+
+
+def _team_table(prepared: "PreparedSurvey") -> Table:
+    """What each robot may spend, what of it is kept back, and how far it is home."""
+    from maipp.surveys.homes import ways_home
+
+    frame, scenario = prepared.frame, prepared.scenario
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("robot")
+    for heading in ("start", "speed m/s", "budget m", "minutes", "reserve m", "home", "way home m"):
+        table.add_column(heading, justify="right")
+    rows = zip(prepared.survey.robots, scenario.starts or (), ways_home(scenario), strict=True)
+    for robot, start, (home, way) in rows:
+        minutes = robot.budget_m / robot.speed / 60.0
+        told = "anywhere" if home is None else "its start" if home == start else _place(prepared, home)
+        length = "-" if way is None else f"{way * frame.scale:.0f}"
+        numbers = f"{robot.speed:g}", f"{robot.budget_m:.0f}", f"{minutes:.1f}", f"{robot.reserve_m:.0f}"
+        table.add_row(robot.name, _place(prepared, start), *numbers, told, length)
+    return table
+
+
+def _place(prepared: "PreparedSurvey", point: Sequence[float]) -> str:
+    """A domain position in the user's coordinates."""
+    x, y = prepared.frame.to_user(np.array(point)).tolist()
+    return f"{x:.5f}, {y:.5f}" if prepared.frame.geographic else f"{x:.1f}, {y:.1f}"
 
 
 def _robots_table(prepared: "PreparedSurvey", episode: "Episode") -> Table:
@@ -210,8 +242,7 @@ def _robots_table(prepared: "PreparedSurvey", episode: "Episode") -> Table:
         table.add_column(heading, justify="right")
     table.add_column("ends at")
     for name, agent in zip(prepared.names, episode.agents, strict=True):
-        x, y = frame.to_user(agent.route[-1]).tolist()
-        end = f"{x:.5f}, {y:.5f}" if frame.geographic else f"{x:.1f}, {y:.1f}"
+        end = _place(prepared, agent.route[-1].tolist())
         length = agent.distance * frame.scale
         share = f"{agent.distance / agent.budget:.0%}"
         count = str(len(agent.measurement_y))
@@ -257,10 +288,10 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
             )
         names = write_rehearsal(result, stage)
-    console = Console(highlight=False, soft_wrap=True)
+    console = results_console()
     for warning in result.warnings:
         console.print(f"warning: {warning}", markup=False)
-    console.print(summary_table(result), width=None if console.is_terminal else 110)
+    console.print(summary_table(result))
     for sentence in words(result):
         console.print(sentence, markup=False)
     for name in names:

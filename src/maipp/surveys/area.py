@@ -25,7 +25,6 @@ _NECK = 1.5e-3  # share of the longest side: half the width of the narrowest pas
 _QUADRANT = 16  # segments of a quarter circle in a buffer
 _ROUND = 1 / math.cos(math.pi / (4 * _QUADRANT))  # how far a circle of such chords must be blown up to hold the circle
 _SPAN = (1.0, 1_000_000.0)  # metres: shortest and longest the longest side of an area may be
-_NEAR = 5.0  # metres: starts that lie outside by so much are moved inside; positions from a chart are no better
 _WORTH_TELLING = 0.001  # share of the area from which a part that is lost gets a warning of its own
 
 
@@ -79,12 +78,19 @@ def check_size(bounds: tuple[float, float, float, float], where: str) -> None:
 
 
 def free_space(
-    area: BaseGeometry, no_go: BaseGeometry, starts: list[Start], clearance: float, where: str, told: PlaceNames
+    area: BaseGeometry,
+    no_go: BaseGeometry,
+    starts: list[Start],
+    clearance: float,
+    where: str,
+    told: PlaceNames,
+    ashore: float = 5.0,
 ) -> FreeSpace:
     """The part of the area that the robots can reach from their starts with this clearance from every border.
 
     The border is simplified inward: the region lies inside the true one, by the clearance and some more for rounding.
-    Passages that are too narrow for the clearance close. `told` puts places into the user's coordinates. Raises
+    Passages that are too narrow for the clearance close. Starts up to `ashore` metres outside are moved inside. `told`
+    puts places into the user's coordinates. Raises
     `InputError` where nothing is left, a start lies outside or has no room, or two starts are in parts that no route
     joins; warns of parts that cannot be reached and of starts that were moved.
     """
@@ -103,7 +109,7 @@ def free_space(
             problem = f"nothing of the area keeps {clearance:g} m clear of its borders and no-go zones"
             raise InputError(f"{where}: {problem}; give a smaller clearance_m or a wider area")
     warnings: list[str] = []
-    homes = [_home(start, area, true, parts, shift, longest, told) for start in starts]
+    homes = [_home(start, area, true, parts, shift, longest, told, ashore) for start in starts]
     for start, home in zip(starts, homes, strict=True):
         if home != homes[0]:
             raise InputError(
@@ -165,18 +171,20 @@ def _home(
     shift: float,
     longest: float,
     told: PlaceNames,
+    ashore: float,
 ) -> int:
     """The index of the part that a start belongs to. Raises `InputError` for a start outside or without room."""
     point = Point(start.place)
     outside = float(true.distance(point))
-    near = max(_NEAR, longest * _FINEST)
+    near = max(ashore, longest * _FINEST)
     if outside > min(near, longest / 20):
         swapped = told.swapped(start)
         if swapped is not None and true.distance(swapped) <= near:
             raise InputError(f"{start.where}: lies outside the area, but with its two numbers swapped it lies inside")
         far = f"{outside:.3g} m" if outside < 10_000 else f"{outside / 1000:.0f} km"
         lies = "deep inside a no-go zone" if area.covers(point) else "outside the area"
-        raise InputError(f"{start.where}: {told.place(point)} lies {far} {lies}; give a place in the free area")
+        give = "give a place in the free area" + (", or more ashore_m" if outside <= 1000 else "")
+        raise InputError(f"{start.where}: {told.place(point)} lies {far} {lies}; {give}")
     distances = shapely.distance(np.array(parts, object), point)
     home = int(np.argmin(distances))
     # At a straight border the region begins one shift away, in a right-angled corner 1.4 shifts.

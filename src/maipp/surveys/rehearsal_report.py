@@ -94,18 +94,19 @@ def words(result: RehearsalResult) -> list[str]:
 
 def _worth(less: RehearsedTeam, more: RehearsedTeam, unit: str) -> str:
     """Whether the larger of two teams is worth it, judged by the error of the map and by the uncertainty left."""
-    gains = [_gain(less.rmse, more.rmse), _gain(less.trace, more.trace)]
-    gain = max(gains, key=lambda each: each[0] / max(each[1], 1e-12))
-    if gain[0] <= _SURE * gain[1]:
-        verdict = "no gain that these rehearsals show"
-    else:
-        verdict = "a clear gain" if max(each[0] for each in gains) >= _CLEAR else "a small gain"
-    (error, error_se), (left, left_se) = gains
+    (error, error_se), (left, left_se) = _gain(less.rmse, more.rmse), _gain(less.trace, more.trace)
     return (
-        f"{_robots(more.robots)} instead of {less.robots}: {verdict}. The error changes by {-error:+.0%} "
-        f"(\u00b1 {error_se:.0%}) to {spread(more.rmse).mean:.3g}{unit}, the uncertainty left by {-left:+.0%} "
-        f"(\u00b1 {left_se:.0%}){_found(less.found, more.found)}."
+        f"{_robots(more.robots)} instead of {less.robots}: the error changes by {-error:+.0%} (\u00b1 {error_se:.0%}) "
+        f"to {spread(more.rmse).mean:.3g}{unit}, {_verdict(error, error_se)}; the uncertainty left by {-left:+.0%} "
+        f"(\u00b1 {left_se:.0%}), {_verdict(left, left_se)}{_found(less.found, more.found)}."
     )
+
+
+def _verdict(gain: float, error: float) -> str:
+    """What a measure that falls by a share, with this standard error, amounts to."""
+    if abs(gain) <= _SURE * error:
+        return "no gain that these rehearsals show"
+    return "a loss" if gain < 0 else "a clear gain" if gain >= _CLEAR else "a small gain"
 
 
 def _gain(less: Float[np.ndarray, " f"], more: Float[np.ndarray, " f"]) -> tuple[float, float]:

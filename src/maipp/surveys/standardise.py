@@ -16,6 +16,7 @@ from maipp.records import FieldError
 from maipp.scenario import Scenario
 from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
+from maipp.surveys.homes import ways_home
 from maipp.surveys.place import Place, ends_of, find_place, starts_of
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
 from maipp.surveys.survey import Survey
@@ -90,7 +91,7 @@ def prepare(
     place = find_place(survey)
     starts, ends, told = starts_of(survey, place), ends_of(survey, place), PlaceNames(place.frame)
     every = [*starts, *itertools.chain.from_iterable(ends)]
-    space = free_space(place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told)
+    space = free_space(place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told, survey.ashore_m)
     prior = find_prior(survey, place, space)
     warnings = [*place.warnings, *space.warnings, *prior.warnings]
     scenario = _scenario(survey, prior, space, warnings)
@@ -191,16 +192,9 @@ def _ends(survey: Survey, places: list[list[float]]) -> list[list[list[float]]]:
 
 def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
     """Raise `InputError` for a robot whose budget does not take it to its end."""
-    from maipp.roadmap import zones  # imports JAX, which a mission without ends can be checked without
-
-    for index, (robot, places) in enumerate(zip(survey.robots, scenario.ends_from(scenario.starts), strict=True)):
-        if not places:
+    for robot, (_, away) in zip(survey.robots, ways_home(scenario), strict=True):
+        if away is None:
             continue
-        start, ends = np.array(scenario.starts or ())[index], np.array(places)
-        away = float(np.linalg.norm(ends - start, axis=1).min())
-        if scenario.obstacles:
-            free = zones.free_space(scenario.obstacles, scenario.extent)
-            away = min(free.length_between(start, end) for end in ends)
         spendable = robot.budget_m - robot.reserve_m
         if away * scale > spendable:
             raise InputError(

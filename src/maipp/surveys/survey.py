@@ -55,7 +55,7 @@ class Robot:
 class RobotKeys:
     """One robot as the file has it."""
 
-    speed: Annotated[float, Within(1e-3, most=1e3), "a speed in m/s, from 0.001 to 1000"]
+    speed: Annotated[float, Within(1e-3, most=60.0), "a speed in m/s, from 0.001 to 60"]
     start: Pair | None = None  # in the mission's coordinates; None: the home that the area's file has
     name: Annotated[Text, "a name"] | None = None
     budget_m: Metres | None = None
@@ -161,6 +161,8 @@ class Survey:
         None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any
     )
     clearance_m: Annotated[_NotNegative, "a length >= 0, in metres"] = 0.0
+    # How far outside the free area starts and ends may lie, as a pier does: they are moved to the nearest free place.
+    ashore_m: Annotated[float, Within(0, most=1000), "a length from 0 to 1000, in metres"] = 5.0
     robots: tuple[Robot, ...] = described(allowed="a list of robots, one at least")
     measurement_spacing_m: Metres
     quantity: Annotated[Text, "the name of what is measured"] | None = None

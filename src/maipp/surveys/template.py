@@ -15,6 +15,7 @@ area: [[4.7300, 52.2400], [4.7460, 52.2400], [4.7480, 52.2460], [4.7400, 52.2500
 no_go:                           # zones that no robot may enter, in any of these forms
   - [[4.7370, 52.2440], [4.7390, 52.2440], [4.7390, 52.2455], [4.7370, 52.2455]]
 clearance_m: 5                   # distance to keep from the border and the zones (default 0)
+# ashore_m: 5                    # how far outside starts and ends may lie, as on a pier; they are moved inside
 
 # The team. The start lies in the area or on its border. Give budget_m or budget_minutes.
 robots:
