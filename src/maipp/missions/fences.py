@@ -39,31 +39,54 @@ def fence_of(plan: RoutePlan, most: int) -> Fence:
     area, zones = Polygon(plan.area * scale), shapely.union_all([Polygon(zone * scale) for zone in plan.no_go])
     routes = shapely.union_all([_line(route.points * scale) for route in plan.routes])
     west, south, east, north = area.bounds
-    best, shift, tolerance = own, 0.0, _FINEST
+    best, tolerance = [plan.area * scale, *(zone * scale for zone in plan.no_go)], _FINEST
     while count > most and tolerance <= _COARSEST * max(east - west, north - south):
-        inner, outer = (
-            _polygons(area.buffer(-_ROUND * tolerance).simplify(tolerance)),
-            _polygons(_grown(zones, tolerance)),
-        )
+        inner, outer = _polygons(_grown(area, -tolerance)), _polygons(_grown(zones, tolerance))
         if len(inner) != 1 or not inner[0].contains(routes) or any(zone.intersects(routes) for zone in outer):
             break
         rings = [np.array(shapely.get_coordinates(each.exterior)[:-1]) for each in (*inner, *outer)]
         if (fewer := sum(map(len, rings))) < count:
-            best, shift, count = Fence(rings[0], tuple(rings[1:])), tolerance, fewer
+            best, count = rings, fewer
         tolerance *= _STEP
-    if count > most:
+    best = _without_vertices(best, most, area, zones, routes)
+    found = Fence(best[0] / scale, tuple(zone / scale for zone in best[1:]))
+    if (count := sum(map(len, best))) > most:
         note = f"the fence has {count} vertices, of which an autopilot may store {most} only; the routes are too near "
-        note += "to it for fewer: give more clearance_m, or vehicle: {fence: false}"
-        return own._replace(note=note) if best is own else _told(best, scale, note)
-    free = area.difference(zones).area
-    kept = Polygon(best.area).difference(shapely.union_all([Polygon(zone) for zone in best.zones])).area
-    note = f"the fence has {count} of {given} vertices to fit the autopilot: up to {2 * shift:.1f} m inside the free "
-    return _told(best, scale, note + f"area, leaving out {1 - kept / free:.1%} of it")
+        return found._replace(note=note + "to it for fewer: give more clearance_m, or vehicle: {fence: false}")
+    kept = Polygon(best[0]).difference(shapely.union_all([Polygon(zone) for zone in best[1:]])).area
+    lost = 1 - kept / area.difference(zones).area
+    note = f"the fence has {count} of {given} vertices to fit the autopilot; it leaves out {lost:.1%} of the free area"
+    return found._replace(note=note)
 
 
-def _told(fence: Fence, scale: Float[np.ndarray, "2"], note: str) -> Fence:
-    """A fence in metres in the plan's own coordinates, with a note."""
-    return Fence(fence.area / scale, tuple(zone / scale for zone in fence.zones), note)
+def _without_vertices(
+    rings: list[np.ndarray], most: int, area: BaseGeometry, zones: BaseGeometry, routes: BaseGeometry
+) -> list[np.ndarray]:
+    """The rings, the area's first, without the vertices that change them least, until `most` are left or none can go.
+
+    The first ring stays inside the area, the others around the zones, and no route is crossed (all metres).
+    """
+    rings = [ring.copy() for ring in rings]
+    while sum(map(len, rings)) > most:
+        corners = [(which, at) for which, ring in enumerate(rings) if len(ring) > 3 for at in range(len(ring))]
+        triangles = [Polygon(np.take(rings[which], [at - 1, at, at + 1], axis=0, mode="wrap")) for which, at in corners]
+        for index in np.argsort([triangle.area for triangle in triangles]):
+            (which, at), triangle = corners[index], triangles[index]
+            left = np.delete(rings[which], at, axis=0)
+            after, before = Polygon(left), Polygon(rings[which])
+            if not after.is_valid:
+                continue
+            grows = after.area > before.area
+            if which == 0:
+                allowed = area.covers(triangle) if grows else not triangle.intersects(routes)
+            else:
+                allowed = not triangle.intersects(routes) if grows else triangle.intersection(zones).area == 0.0
+            if allowed:
+                rings[which] = left
+                break
+        else:
+            break
+    return rings
 
 
 def _scale(plan: RoutePlan) -> Float[np.ndarray, "2"]:
