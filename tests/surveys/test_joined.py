@@ -2,13 +2,14 @@
 
 from datetime import UTC, datetime
 
-import gpxpy.gpx
 import numpy as np
 import pytest
 
 from maipp.errors import InputError
 from maipp.surveys.joined import joined
 from maipp.surveys.survey import SampleFile
+from tests.shared.gpx_text import gpx_text
+from tests.shared.gpx_text import track as boat_track
 
 BEGIN = datetime(2026, 5, 4, 12, 0, 0, tzinfo=UTC).timestamp()
 
@@ -29,12 +30,8 @@ def track(request, tmp_path):
     minutes = [*np.arange(0, 10.25, 0.25), 15, 15.25]
     if request.param == "gpx":
         clocks = [datetime.fromtimestamp(BEGIN + 60 * m, UTC) for m in minutes]
-        places = [53 + m / 1000 for m in minutes]
-        points = [gpxpy.gpx.GPXTrackPoint(y, 13.0, time=t) for y, t in zip(places, clocks, strict=True)]
-        gpx = gpxpy.gpx.GPX()
-        gpx.tracks.append(gpxpy.gpx.GPXTrack())
-        gpx.tracks[0].segments.append(gpxpy.gpx.GPXTrackSegment(points))
-        (tmp_path / "boat.gpx").write_text(gpx.to_xml())
+        points = [(13.0, 53 + m / 1000) for m in minutes]
+        (tmp_path / "boat.gpx").write_text(gpx_text(boat_track(None, points, times=clocks)))
         return tmp_path / "boat.gpx", 0.0
     boot = request.param == "boot"
     rows = [f"{60 * m + 7 if boot else clock(60 * m)},{53 + m / 1000:.6f},13.0" for m in minutes]

@@ -30,8 +30,8 @@ def squared_differences(x: Float[np.ndarray, "n 2"], per_axis: bool) -> Float[np
 
 
 def correlation(
-    squared: Float[np.ndarray, "k n n"], scales: Float[np.ndarray, " k"]
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n n"], Float[np.ndarray, "k n n"]]:
+    squared: Float[np.ndarray, "k n m"], scales: Float[np.ndarray, " k"]
+) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"], Float[np.ndarray, "k n m"]]:
     """Matern 3/2 correlations, `exp(-s)`, and the terms of s^2 = 3 sum(d^2 / l^2); d correlation / d log l is the
     product of the last two."""
     terms = squared * (3.0 / scales**2)[:, None, None]

@@ -11,9 +11,8 @@ from maipp.belief.likelihood import correlation, squared_differences
 # Neighbours that a sample is compared with, the bins of distance that tell how far values may differ, and fewest
 # samples for that.
 _NEIGHBOURS, _BINS, _FEWEST = 8, 6, 12
-# Typical differences that a spike is away from most of its neighbours. The ratio of a difference to the median one
-# over such a distance is 12 once in 10^15 for Gaussian values, and once in 10^4 with tails as of Student's t with 4
-# degrees of freedom.
+# Typical differences that a spike is away from most of its neighbours: of clean draws of a Gaussian process fewer than
+# 1 in 1,000 samples is so far (tests/belief/test_outliers.py).
 _SPIKE = 12.0
 _NORMAL = 0.6745  # median of |z| for a standard normal z
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from maipp.belief.likelihood import correlation
 from maipp.live.sample import Sample
 from maipp.typing import Float
 
@@ -36,9 +37,8 @@ class Kernel(NamedTuple):
 
     def __call__(self, a: Float[np.ndarray, "n 2"], b: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "n m"]:
         """Covariances."""
-        steps = (a[:, None] - b[None]) * (np.sqrt(3.0) / self.length_scale)
-        s = np.sqrt((steps**2).sum(axis=-1))
-        return self.variance * (1.0 + s) * np.exp(-s)
+        squared = ((a[:, None] - b[None]) ** 2).sum(axis=-1)[None]
+        return self.variance * correlation(squared, np.array([self.length_scale]))[0]
 
 
 class Verdict(NamedTuple):

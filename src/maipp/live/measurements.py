@@ -66,13 +66,17 @@ class Measurements:
         return report in self._ids
 
     def verdicts(
-        self, *more: tuple[Sample, str], decided: Mapping[str, Decision] | None = None
+        self, more: tuple[Sample, str] | None = None, decided: Mapping[str, Decision] | None = None
     ) -> dict[Sample, Verdict]:
         """The verdict on each measurement that is not withdrawn, in the order of time.
 
-        As if `more`, each with the id of its report, had come, and the decisions `decided` had been made.
+        As if one `more`, with the id of its report, had come, and the decisions `decided` had been made.
         """
-        ids = self._ids | {report: sample for sample, report in more}
+        ids, ordered = self._ids, [*self._ordered]
+        if more is not None:
+            ids = ids | {more[1]: more[0]}
+            if more[0] not in self._seen:
+                insort(ordered, more[0])
         decisions = dict(self._decisions)
         for report, decision in (decided or {}).items():
             decisions[report] = max(decision, decisions.get(report, decision))
@@ -80,10 +84,6 @@ class Measurements:
         for report, decision in decisions.items():
             if report in ids:
                 latest[ids[report]] = max(decision, latest.get(ids[report], decision))
-        ordered = [*self._ordered]
-        for sample, _ in more:
-            if sample not in self._seen:
-                insort(ordered, sample)
         given = [sample for sample in ordered if sample not in latest or latest[sample].kept]
         kept = {sample for sample, decision in latest.items() if decision.kept}
         return dict(zip(given, self._gate.judge(given, kept), strict=True))

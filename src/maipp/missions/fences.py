@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from maipp.missions.route_plan import Ring, RoutePlan
 
-# Vertices of all fences together: what ArduPilot's documentation and PX4's source tell.
+# Vertices of all fences together: ArduPilot's documentation of polygon fences; PX4's pull request 18870, of 2021.
 MOST = {"ardupilot": 70, "px4": 64}
 _METRES = 111_320.0  # in a degree of latitude, near enough to simplify by
 _FINEST, _COARSEST, _STEP = 0.25, 0.05, 1.25  # metres; share of the area's longest side; from one try to the next

@@ -50,8 +50,8 @@ def plan_file(plan: RoutePlan, route: Route, vehicle: Vehicle | None = None, fen
     """The text of the .plan file of one robot of the plan.
 
     The mission is that of `commands`. The fence, the plan's own if none is given, holds the area as inclusion and the
-    no-go zones as exclusion polygons; a robot's home is a rally point. Mission Planner's reader takes it as well: its
-    cruise speeds are whole numbers, and for ArduPilot there are no nulls. Raises `InputError` for a plan in metres.
+    no-go zones as exclusion polygons; a robot's home is a rally point. As Mission Planner's reader asks for, cruise
+    speeds are whole numbers, and for ArduPilot there are no nulls. Raises `InputError` for a plan in metres.
     """
     if not plan.geographic:
         raise InputError("a .plan file needs longitudes and latitudes (WGS84); this plan is in metres")

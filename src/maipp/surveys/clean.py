@@ -11,7 +11,7 @@ from maipp.typing import Float, Int
 
 _SAME_PLACE = 1e-3  # metres
 # Standard deviations from what the others lead to expect beyond which a sample is left out: two in a billion of
-# Gaussian ones, one in 2,000 with tails as of Student's t with 4 degrees of freedom.
+# Gaussian ones, 1 in 950 with the tails of Student's t with 4 degrees of freedom.
 _BEYOND = 6.0
 _ROUNDS = 4  # of fitting and leaving out
 _MOST = 1000  # samples whose surprises are computed at once: a matrix of this size

@@ -73,7 +73,7 @@ def vertices(prepared: PreparedSurvey, agent: AgentRecord) -> tuple[Float[np.nda
         index = np.arange(len(route))
         route = np.stack([np.interp(shares, index, route[:, axis]) for axis in (0, 1)], axis=-1)
         times = np.interp(shares, index, times)
-    # Where it turns to what it measures it may be twice: a leg of no length stops some autopilots.
+    # A place may be recorded twice in a row; no file has a leg of no length.
     apart = np.append(True, np.hypot(*np.diff(route, axis=0).T) * frame.scale > _SAME_PLACE)
     return frame.to_user(route[apart]), times[apart]
 

@@ -7,23 +7,13 @@ import pytest
 from maipp.errors import InputError
 from maipp.geo import WGS84
 from maipp.surveys.shapes import load_drawing, to_polygon
+from tests.shared.gpx_text import gpx_text, track
 
 SHORE = [(13.3, 53.4), (13.33, 53.4), (13.33, 53.412), (13.3, 53.412)]
 
 
-def track(name, *segments):
-    made = gpxpy.gpx.GPXTrack(name=name)
-    for points in segments:
-        made.segments.append(gpxpy.gpx.GPXTrackSegment([gpxpy.gpx.GPXTrackPoint(y, x) for x, y in points]))
-    return made
-
-
-def load(folder, *tracks, routes=(), waypoints=0):
-    gpx = gpxpy.gpx.GPX()
-    gpx.tracks += tracks
-    gpx.routes += routes
-    gpx.waypoints += [gpxpy.gpx.GPXWaypoint(53.4, 13.3)] * waypoints
-    (folder / "a.gpx").write_text(gpx.to_xml())
+def load(folder, *tracks, **more):
+    (folder / "a.gpx").write_text(gpx_text(*tracks, **more))
     return load_drawing(folder / "a.gpx")
 
 
