@@ -188,7 +188,7 @@ class Gate:
                 continue
             places = np.array([(samples[i].x, samples[i].y) for i in row])
             varied = np.sqrt(2 * (self.kernel.variance - self.kernel(places[:1], places).min()))
-            if varied > _STEPS * max(step, np.sqrt(self.kernel.noise) if step == 0.0 else 0.0):
+            if varied > _STEPS * (step or np.sqrt(self.kernel.noise)):
                 for i in row[1:]:
                     stuck[i] = True
         return stuck
