@@ -88,6 +88,7 @@ class Params(eqx.Module):
     noise: Float[Array, "*b"]
     threshold: Float[Array, "*b"]
     beta: Float[Array, "*b"]
+    warp: Float[Array, "*b 2 2"] | None = None  # of the kernel; None: the field is alike in all directions
 
     @property
     def spendable(self) -> Float[Array, "*b m"]:
@@ -101,7 +102,7 @@ def params_of(scenario: Scenario) -> Params:
     values = {
         field.name: jnp.asarray(getattr(scenario, field.name), real)
         for field in dataclasses.fields(Params)
-        if field.name not in ("present", "comm_range")
+        if field.name not in ("present", "comm_range", "warp")
     }
     reach = math.inf if scenario.comm_range is None else scenario.comm_range
     return Params(present=jnp.ones(scenario.agents, bool), comm_range=jnp.asarray(reach, real), **values)

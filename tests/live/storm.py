@@ -28,6 +28,7 @@ SOURCE = Path(__file__).parents[2] / "src"
 AHEAD = 8  # requests sent before the first of them is answered
 SPIKES, DECIDED = 0.05, 0.05  # shares of measurements that are wrong, and on which a person decides
 GRID = b'{"query": "belief"}\n'
+STATE = b'{"query": "state"}\n'
 
 
 @dataclass
@@ -37,6 +38,7 @@ class Service:
     scenario: Path
     journal: Path
     planner: str
+    adapt: bool = False
     process: "subprocess.Popen[bytes] | None" = None
     ready: dict[str, Any] = field(default_factory=dict)
     starts: int = 0
@@ -46,7 +48,7 @@ class Service:
         command = [sys.executable, "-m", "maipp", "live", str(self.scenario), "--journal", str(self.journal)]
         path = os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
         self.process = subprocess.Popen(
-            [*command, "--planner", self.planner],
+            [*command, "--planner", self.planner, *(["--adapt"] if self.adapt else [])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | {"PYTHONPATH": path},
@@ -250,26 +252,36 @@ class Storm:
 
 
 def storm(
-    folder: Path, scenario: str, *, planner: str, events: int, kills: int, per_leg: int, seed: int, progress: bool
+    folder: Path,
+    scenario: str,
+    *,
+    planner: str,
+    events: int,
+    kills: int,
+    per_leg: int,
+    seed: int,
+    progress: bool,
+    adapt: bool = False,
 ) -> dict[str, Any]:
     """Both runs in a folder; gives what was seen. Raises AssertionError where anything differs or is lost."""
     rng = np.random.default_rng(seed)
     path = folder / "scenario.yaml"
     path.write_text(scenario, encoding="utf-8")
-    calm = Service(path, folder / "calm.journal", planner)
+    calm = Service(path, folder / "calm.journal", planner, adapt)
     calm.begin()
     team = Team(calm, rng, per_leg, round(0.7 * events))
     team.run()
-    expected = calm.ask(GRID)
+    expected, kernel = calm.ask(GRID), json.loads(calm.ask(STATE)).get("kernel")
     assert calm.stop() == 0
     seen = {kind: 1e3 * float(np.median(times)) for kind, times in team.seconds.items()}
     if progress:
         print(f"undisturbed: {len(team.events)} events, median ms {seen}", file=sys.stderr)
     deliveries = disordered(team.events, rng, 0.3)
-    wild = Service(path, folder / "wild.journal", planner)
+    wild = Service(path, folder / "wild.journal", planner, adapt)
     run = Storm(wild, rng)
     run.run(deliveries, kills, progress)
     assert wild.ask(GRID) == expected, "the belief differs from the undisturbed run's"
+    assert json.loads(wild.ask(STATE)).get("kernel") == kernel, "the kernel differs from the undisturbed run's"
     for event in deliveries[:: max(len(deliveries) // 200, 1)]:
         run.note(event, wild.ask(encode(event)))
     assert wild.stop() == 0
@@ -286,6 +298,7 @@ def storm(
         "starts": wild.starts,
         "torn lines": run.torn,
         "answers compared": run.repeated,
+        "kernel": kernel,
         "median ms": seen,
     }
 
@@ -316,6 +329,7 @@ def main() -> None:
     parser.add_argument("--planner", default="shared-greedy")
     parser.add_argument("--per-leg", type=int, default=12, help="measurements on each leg")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--adapt", action="store_true", help="refit the kernel under way")
     parser.add_argument("--latency", nargs="+", metavar="PLANNER", help="time the answers of these planners instead")
     flags = parser.parse_args()
     if flags.latency:
@@ -335,6 +349,7 @@ def main() -> None:
             per_leg=flags.per_leg,
             seed=flags.seed,
             progress=True,
+            adapt=flags.adapt,
         )
     print(json.dumps(seen | {"minutes": round((time.monotonic() - began) / 60, 1)}, indent=2))
 

@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maipp.live.gate import LEVEL, Gate, Kernel
+from maipp.belief.refit import Hyperparameters
+from maipp.live.gate import LEVEL, Gate
 from maipp.live.sample import Sample
+from maipp.live.seen import Old, correlations
 
-KERNEL = Kernel(0.45, 1.0, 0.0025)
+KERNEL = Hyperparameters(0.0, 1.0, 0.45, 0.0025)
 
 
 def survey(seed, kernel=KERNEL, count=90, scale=1.0, guess=None):
@@ -21,7 +23,7 @@ def survey(seed, kernel=KERNEL, count=90, scale=1.0, guess=None):
         places = np.clip(places + 0.07 * np.stack([np.cos(heading), np.sin(heading)], axis=-1), 0, 1)
         rows += [(step + robot / 10, robot, *place) for robot, place in enumerate(places.tolist())]
     x = np.array([row[2:] for row in rows])
-    covariance = kernel(x, x) + (kernel.noise + 1e-9) * np.eye(count)
+    covariance = kernel.std**2 * correlations(kernel, x, x) + (kernel.noise + 1e-9) * np.eye(count)
     values = scale * np.linalg.cholesky(covariance) @ rng.normal(size=count)
     return [Sample(row[0], row[1], row[2], row[3], value) for row, value in zip(rows, values.tolist(), strict=True)]
 
@@ -33,7 +35,7 @@ def out(samples, kernel=KERNEL, **more):
 @pytest.mark.parametrize("length_scale", [0.15, 0.45])
 @pytest.mark.parametrize("noise", [1e-4, 0.01])
 def test_of_clean_measurements_hardly_one_is_kept_out(length_scale, noise):
-    kernel = Kernel(length_scale, 1.0, noise)
+    kernel = Hyperparameters(0.0, 1.0, length_scale, noise)
     found = [out(survey(seed, kernel), kernel).sum() for seed in range(12)]
     assert sum(found) <= 1  # 1 in 1,000 of 1,080; none with these seeds
 
@@ -92,9 +94,9 @@ def test_values_that_stand_for_none_agree_with_nothing():
 
 def test_old_samples_count():
     samples = survey(5)
-    old = np.array([(s.x, s.y) for s in samples]), np.array([s.value + 4 for s in samples]), np.full(90, 1e-4)
+    old = np.array([(s.x, s.y) for s in samples]), np.array([s.value + 4 for s in samples]), np.full(90, 0.04)
     later = [Sample(1.0, 0, samples[30].x, samples[30].y, samples[30].value)]
-    assert out(later, prior=old).all() and not out(later).any()
+    assert out(later, old=Old(*old)).all() and not out(later).any()
 
 
 def test_kept_ones_count_and_without_a_level_all_do():

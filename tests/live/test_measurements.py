@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.live.gate import LEVEL, Gate, Kernel
+from maipp.belief.refit import Hyperparameters
+from maipp.live.gate import LEVEL, Gate
 from maipp.live.measurements import Decision, Measurements, room_for
 from maipp.live.sample import Sample
 
@@ -14,7 +15,7 @@ SAMPLES = st.lists(st.builds(Sample, NUMBER, st.integers(0, 2), NUMBER, NUMBER, 
 
 
 def empty(room=3, level=0.0):
-    return Measurements(3, room, np.dtype("float32"), Gate(Kernel(0.45, 1.0, 1e-4), level))
+    return Measurements(3, room, np.dtype("float32"), Gate(Hyperparameters(0.0, 1.0, 0.45, 1e-4), level))
 
 
 def taken_in(samples, room=3, level=0.0):

@@ -16,7 +16,9 @@ from maipp.planners.plan_variance import variance_left
 
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 SLOTS, PLANS, LEGS = 8, 3, 4
-KERNELS = {"isotropic": Matern32(0.45, 1.5), "anisotropic": Matern32(jnp.asarray([0.3, 0.7]), 0.8)}
+# Determinant 1: (0.8 * 1.8 - 0.44) = 1.
+WARP = jnp.asarray([[0.8, 0.44**0.5], [0.44**0.5, 1.8]])
+KERNELS = {"isotropic": Matern32(0.45, 1.5), "anisotropic": Matern32(0.45, 0.8, WARP)}
 
 
 @eqx.filter_jit

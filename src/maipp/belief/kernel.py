@@ -11,12 +11,15 @@ _SQRT3 = 3.0**0.5
 class Matern32(eqx.Module):
     """Matern 3/2 covariance `variance * (1 + sqrt(3) r / l) exp(-sqrt(3) r / l)` (Yang et al. 2023, Sec. III-A)."""
 
-    length_scale: float | Float[Array, ""] | Float[Array, "2"]  # domain units; one per axis makes it anisotropic
+    length_scale: float | Float[Array, ""]  # domain units
     variance: float | Float[Array, ""] = 1.0  # prior variance of the field, squared field units
+    # Symmetric, of determinant 1: takes offsets to where the field is alike in all directions. None: it is.
+    warp: Float[Array, "2 2"] | None = None
 
     def __call__(self, a: Float[Array, "*a 2"], b: Float[Array, "*b 2"]) -> Float[Array, "..."]:
         """Covariance between points of `a` and `b`; leading axes broadcast, so `a[:, None], b` gives a matrix."""
-        scaled = (a - b) * (_SQRT3 / jnp.asarray(self.length_scale, a.dtype))
+        offset = a - b if self.warp is None else (a - b) @ self.warp
+        scaled = offset * (_SQRT3 / jnp.asarray(self.length_scale, a.dtype))
         squared = scaled[..., 0] * scaled[..., 0] + scaled[..., 1] * scaled[..., 1]
         # sqrt has an infinite slope at zero; the covariance there is flat, so the gradient that passes is 0.
         # `!=` and not `>`: a place of NaN must not pass for the same place as every other.

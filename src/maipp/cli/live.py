@@ -46,6 +46,9 @@ class Live:
     epoch: float = 0.0
     """time of the survey's start, seconds; with Unix time as `time`, the Unix time of the start"""
 
+    adapt: tyro.conf.FlagCreatePairsOff[bool] = False
+    """refit the kernel to what is measured, with a scenario file; a mission file says so itself (kernel.adapt)"""
+
 
 def run(flags: Live) -> int:
     """Answer requests until standard input ends."""
@@ -75,6 +78,8 @@ def _open(flags: Live) -> "LiveSurvey":
 
     options = assignments(flags.settings)
     if _is_mission(flags.mission):
+        if flags.adapt:
+            raise InputError(f"--adapt: {flags.mission} is a mission file; give kernel: {{adapt: true}} in it")
         prepared = prepare(load_survey(flags.mission), planner=flags.planner, planner_options=options)
         for warning in prepared.warnings:
             print(f"warning: {warning}", file=sys.stderr)
@@ -86,6 +91,7 @@ def _open(flags: Live) -> "LiveSurvey":
         seed=flags.seed or 0,
         journal=flags.journal,
         epoch=flags.epoch,
+        adapt=flags.adapt,
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 
-from maipp.belief import Belief, Interest, Matern32
+from maipp.belief import Belief, Interest
 from maipp.problem import Problem
 from maipp.roadmap import Home, Roadmap
 from maipp.scenario import Scenario
@@ -106,11 +106,6 @@ class Planner(eqx.Module):
     def encoding_dimensions(self) -> int:
         """Columns of the spectral encoding that each roadmap needs; 0: none is computed."""
         return 0
-
-    @property
-    def kernel(self) -> Matern32:
-        """The scenario's prior covariance."""
-        return Matern32(self.scenario.length_scale, self.scenario.signal_variance)
 
     @property
     def interest(self) -> Interest:

@@ -99,7 +99,7 @@ def belief_near(mission: Mission, known: Measurements, query: Float[Array, "q 2"
     """What these measurements give at `query`; of very many, those that tell most of `place` are in its slots."""
     params = mission.params
     return condition_near(
-        Matern32(params.length_scale, params.signal_variance),
+        Matern32(params.length_scale, params.signal_variance, params.warp),
         known.x,
         known.y,
         known.mask,

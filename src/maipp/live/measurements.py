@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from maipp.belief.refit import Hyperparameters
 from maipp.live.gate import Gate, Verdict
+from maipp.live.refits import Refits
 from maipp.live.sample import LARGEST_VALUE, Sample
 from maipp.typing import Bool, Float, Int
 
@@ -101,12 +103,31 @@ class Measurements:
         out = {sample: verdict.out for sample, verdict in verdicts.items()}
         return [(first[sample], sample, out.get(sample, "withdrawn")) for sample in self._ordered]
 
+    @property
+    def kernel(self) -> Hyperparameters | None:
+        """The kernel that the measurements that count have been found to have; None: the one of the mission stands."""
+        self.verdicts()
+        return None if self._gate.fits is None else self._gate.kernel
+
+    @property
+    def standard(self) -> tuple[float, float]:
+        """What values of the slots are less, and what they are then divided by."""
+        kernel = self.kernel
+        return (0.0, 1.0) if kernel is None else (kernel.mean, kernel.std / self._gate.guess.std)
+
+    @property
+    def fits(self) -> Refits | None:
+        """What fits the kernel; None: it stays as it is."""
+        return self._gate.fits
+
     def slots(self) -> Slots:
         """The measurements that count; those of each robot have as many slots, in use and empty.
 
-        Each number of slots is a shape of its own to compile for, so that there are few of them.
+        Values are standardised by the kernel that was found, if any. Each number of slots is a shape of its own to
+        compile for, so that there are few of them.
         """
         if self._slots is None:
+            mean, scale = self.standard
             counted = [sample for sample, verdict in self.verdicts().items() if verdict.out is None]
             own = [[sample for sample in counted if sample.robot == robot] for robot in range(self._robots)]
             each = room_for(max(map(len, own)), self._room)
@@ -115,7 +136,7 @@ class Measurements:
             for robot, samples in enumerate(own):
                 rows = np.array([(s.x, s.y, s.value, s.time) for s in samples], np.float64).reshape(-1, 4)
                 x[robot, : len(rows)] = rows[:, :2]
-                y[robot, : len(rows)] = np.clip(rows[:, 2], -LARGEST_VALUE, LARGEST_VALUE)
+                y[robot, : len(rows)] = np.clip((rows[:, 2] - mean) / scale, -LARGEST_VALUE, LARGEST_VALUE)
                 time[robot, : len(rows)] = rows[:, 3]
             by = np.repeat(np.arange(self._robots, dtype=np.int32), each)
             flat = time.reshape(-1)

@@ -1,16 +1,19 @@
 """Answers to questions, which change nothing: who is there, how things stand, what is believed."""
 
+import math
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
+from maipp.belief.refit import Hyperparameters
 from maipp.live.believe import believe
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe
 from maipp.live.request import PROTOCOL
 from maipp.live.robots import TRAVELLING, Robot
+from maipp.live.units import Units
 from maipp.live.world import Setup, World
 
 
@@ -39,7 +42,9 @@ def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> d
     }
 
 
-def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements) -> dict[str, Any]:
+def state(
+    world: World, setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements
+) -> dict[str, Any]:
     """What is known of the robots, and how much has been reported."""
     units = setup.units
     rows = [
@@ -57,7 +62,26 @@ def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Meas
     ]
     out = [{"id": report, "reason": reason} for report, _, reason in measurements.everything if reason is not None]
     counts = {"answer": "state", "events": events, "measurements": len(measurements)}
-    return counts | ({"kept_out": out} if out else {}) | {"robots": rows}
+    kernel = measurements.kernel
+    found = {} if kernel is None else {"kernel": told(kernel, world, units)}
+    return counts | ({"kept_out": out} if out else {}) | found | {"robots": rows}
+
+
+def told(kernel: Hyperparameters, world: World, units: Units) -> dict[str, Any]:
+    """A kernel in the caller's units; `measurements` is how many it was fitted to, 0 for the mission's own."""
+    mean, std, noise = (np.array([value]) for value in (kernel.mean, kernel.std, kernel.noise**0.5))
+    long = kernel.length_scale * kernel.aspect**0.5
+    answer = {
+        "measurements": kernel.measurements - (0 if world.mission.prior_y is None else len(world.mission.prior_y)),
+        "length_scale": units.length_out(kernel.length_scale),
+        "mean": units.values_out(mean)[0],
+        "std": units.std_out(std)[0],
+        "noise": units.std_out(noise)[0],
+    }
+    if kernel.aspect == 1:
+        return answer
+    lengths = [units.length_out(long), units.length_out(long / kernel.aspect)]
+    return answer | {"length_scales": lengths, "direction": round(math.degrees(kernel.direction), 1)}
 
 
 def belief(
@@ -71,7 +95,7 @@ def belief(
         answer |= {"points": units.points_out(where), "inside": world.mission.inside.tolist()}
     else:
         where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
-    mean, std = believe(world, measurements.slots(), where)
+    mean, std = believe(world, measurements, where)
     return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
 
 

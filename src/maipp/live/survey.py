@@ -1,6 +1,7 @@
 """`LiveSurvey`: takes what robots report, in any order and as often as they like, and says where to go next."""
 
 import copy
+import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,10 +9,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from maipp.belief.refit import HyperPrior
 from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, Made, decide_arrival, turn_home
+from maipp.live.believe import known
 from maipp.live.effects import Effect, effect, inside
 from maipp.live.events import Arrived, Budget, Event, Keep, Measurement, Withdraw, fingerprint, read_event, write_event
 from maipp.live.gate import LEVEL
@@ -19,6 +22,7 @@ from maipp.live.journal import Journal
 from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe, pack
+from maipp.live.refits import take_up, written
 from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
 from maipp.live.units import Units
@@ -45,7 +49,7 @@ class LiveSurvey:
         """
         self.world, self.setup = world, setup
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
-        gate = make_gate(world, setup.gate)
+        gate = make_gate(world, setup.gate, setup.adapt)
         self._measurements = Measurements(len(setup.robots), setup.room, real, gate)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
@@ -79,19 +83,24 @@ class LiveSurvey:
         prior_noise: float | None = None,
         epoch: float = 0.0,
         gate: float = LEVEL,
+        adapt: HyperPrior | bool = False,
     ) -> "LiveSurvey":
         """A survey of a scenario; by default in its own units, with robots called robot1, robot2 and so on.
 
         `seed` draws starts where the scenario gives none, roadmaps, and the planner's randomness. `prior` are older
         samples: domain positions and standardised values, whose noise variance is `prior_noise`, or the scenario's.
         Measurements more surprising than `gate` standard deviations are kept out of the belief; with 0 none is.
+        `adapt` refits the kernel under way, around the scenario's or with a prior of its own.
         Raises `InputError` for a planner, an option or a journal that cannot be used.
         """
         built = make_planner(planner, scenario, options)
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
         names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
-        setup = make_setup(scenario, planner, options, seed, names, Units(scenario.extent, epoch=epoch), gate)
+        units = Units(scenario.extent, epoch=epoch)
+        around = HyperPrior(scenario.length_scale, scenario.noise, scenario.signal_variance**0.5)
+        hyper = around if adapt is True else adapt or None
+        setup = make_setup(scenario, planner, options, seed, names, units, gate, hyper)
         return cls(draw_world(built, scenario, seed, prior, prior_noise), setup, journal)
 
     @classmethod
@@ -112,8 +121,9 @@ class LiveSurvey:
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
         scenario = prepared.scenario
-        setup = make_setup(scenario, name, options, seed, prepared.names, units, prepared.survey.gate)
-        return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
+        setup = make_setup(scenario, name, options, seed, prepared.names, units, prepared.survey.gate, prepared.adapt)
+        world = draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise)
+        return cls(dataclasses.replace(world, least_beta=prepared.least_beta), setup, journal)
 
     # What a caller asks and reports.
 
@@ -148,6 +158,7 @@ class LiveSurvey:
             self._unsound = event.id
             try:
                 record = {"event": write_event(event), "answer": answer} | ({"state": state} if state else {})
+                record |= written(self._measurements.fits)
                 self._journal.append(record)
             except BaseException:  # the journal is what it was
                 self._unsound = None
@@ -163,7 +174,7 @@ class LiveSurvey:
     def state(self) -> dict[str, Any]:
         """What is known of the robots, and how much has been reported."""
         self._check_sound()
-        return queries.state(self.setup, self._robots, len(self._answers), self._measurements)
+        return queries.state(self.world, self.setup, self._robots, len(self._answers), self._measurements)
 
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
@@ -215,7 +226,10 @@ class LiveSurvey:
         return self._robots[self.setup.robots.index(event.robot)]
 
     def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
-        return Arrival(self.world, self._robots, self._measurements.slots(), robot, position, time, odometer)
+        """A robot at a position; it stands for the one of its name."""
+        team = [robot if each.name == robot.name else each for each in self._robots]
+        world = known(self.world, self._measurements)
+        return Arrival(world, team, self._measurements.slots(), robot, position, time, odometer)
 
     def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """The answer to an event, and what it changes besides: for an arrival, and a budget that sends a robot home."""
@@ -247,8 +261,7 @@ class LiveSurvey:
         robot.grant(inner["budget"], inner["time"], event.id)
         time = max(inner["time"], robot.time)
         position, odometer = robot.where(time), robot.odometer + robot.covered(time)
-        team = [robot if each.name == robot.name else each for each in self._robots]
-        arrival = Arrival(self.world, team, self._measurements.slots(), robot, position, time, odometer)
+        arrival = self._arrival(robot, position, time, odometer)
         made = turn_home(arrival, self._nothing)
         if made is None:
             return {"answer": "noted", "id": event.id}, None
@@ -331,6 +344,7 @@ class LiveSurvey:
                     f"{where}: the journal of another survey{told}; give it its own mission, or a new file"
                 )
         for record in self._journal.records[1:]:
+            take_up(self._measurements.fits, record)
             event = read_event(record["event"], self.setup.robots)
             inner = inside(event, self.setup.units, self._nothing, self.setup.gate > 0)
             effect = self._effect(event, inner, record["answer"], record.get("state"))

@@ -10,14 +10,19 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
-from maipp.live.gate import LEVEL, Gate, Kernel
+from maipp.live.gate import LEVEL, Gate
+from maipp.live.refits import Refits
+from maipp.live.seen import Old
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
+from maipp.surveys.standardise import EVERYTHING
 from maipp.typing import Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -32,22 +37,53 @@ class World:
     planner: Planner  # as it was made
     mission: Mission  # unbatched; its ground truth is nobody's, and never read
     key: Key
+    least_beta: float = 0.0  # where it is above 0, the confidence is this many times the standardised threshold, or 1
 
     @cached_property
     def compiled(self) -> Planner:
         """The planner as compiled code takes it."""
         return self.planner.on(self.mission.problem)
 
+    @property
+    def guess(self) -> Hyperparameters:
+        """The kernel of the scenario."""
+        scenario = self.scenario
+        return Hyperparameters(0.0, scenario.signal_variance**0.5, scenario.length_scale, scenario.noise)
 
-def make_gate(world: World, level: float) -> Gate:
+    def under(self, kernel: Hyperparameters) -> "World":
+        """The same in which the field has another kernel, and values are standardised by that one's mean and deviation.
+
+        All are numbers of the problem, so that nothing is compiled for them.
+        """
+        mission, scale = self.mission, kernel.std / self.guess.std
+        real = mission.grid.dtype
+        threshold = float(self.scenario.threshold)
+        threshold = threshold if threshold <= EVERYTHING else (threshold - kernel.mean) / scale
+        values = {
+            "length_scale": kernel.length_scale,
+            "noise": kernel.noise / scale**2,
+            "threshold": threshold,
+            "beta": max(1.0, self.least_beta * threshold) if self.least_beta else self.scenario.beta,
+            "warp": kernel.warp,
+        }
+        params = dataclasses.replace(mission.params, **{key: jnp.asarray(value, real) for key, value in values.items()})
+        changed: dict[str, Any] = {"params": params}
+        if mission.prior_y is not None:
+            changed["prior_y"] = (mission.prior_y - kernel.mean) / scale
+            if mission.prior_noise is not None:
+                changed["prior_noise"] = mission.prior_noise * (kernel.noise / self.guess.noise / scale**2)
+        return dataclasses.replace(self, mission=dataclasses.replace(mission, **changed))
+
+
+def make_gate(world: World, level: float, adapt: HyperPrior | None) -> Gate:
     """The gate of a survey: it judges by the kernel and the old samples that beliefs are of."""
-    params, mission = world.mission.params, world.mission
-    kernel = Kernel(*(float(number) for number in (params.length_scale, params.signal_variance, params.noise)))
+    mission, kernel = world.mission, world.guess
+    refits = None if adapt is None else Refits(adapt)
     if mission.prior_x is None or mission.prior_y is None:
-        return Gate(kernel, level)
+        return Gate(kernel, level, None, refits)
     noise = np.full(len(mission.prior_y), kernel.noise) if mission.prior_noise is None else mission.prior_noise
     x, y, variance = (np.asarray(array, np.float64) for array in (mission.prior_x, mission.prior_y, noise))
-    return Gate(kernel, level, (x, y, variance))
+    return Gate(kernel, level, Old(x, y, variance / kernel.noise), refits)
 
 
 Prior = tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]
@@ -74,6 +110,7 @@ class Setup:
     room: int  # measurements of each robot that there is room for at first
     units: Units
     gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
+    adapt: HyperPrior | None = None  # what the kernel is refitted with under way; None: it stays as it is
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -86,6 +123,7 @@ class Setup:
             self.gate,
             dataclasses.asdict(self.units),
             world.scenario.to_dict(),
+            *([] if self.adapt is None else [self.adapt._asdict()]),
         ]
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
         mission = world.mission
@@ -105,9 +143,10 @@ def make_setup(
     robots: Sequence[str],
     units: Units,
     gate: float = LEVEL,
+    adapt: HyperPrior | None = None,
 ) -> Setup:
     """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
     room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate)
+    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate, adapt)

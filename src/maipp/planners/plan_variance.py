@@ -71,6 +71,9 @@ def _pull(
     (point - other) in those units.
     """
     scale = 3.0**0.5 / jnp.asarray(kernel.length_scale, points.dtype)
+    if kernel.warp is not None:
+        alike = Matern32(kernel.length_scale, kernel.variance)
+        return _pull(alike, points @ kernel.warp, others @ kernel.warp, weight) @ kernel.warp
     offset = (points[..., None, :] - others) * scale
     decay = jnp.exp(-jnp.sqrt(offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]))
     weight = weight * decay

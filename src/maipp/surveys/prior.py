@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -11,6 +11,7 @@ import shapely
 from maipp.errors import InputError
 from maipp.fields.samples import Samples, load_samples
 from maipp.geo import WGS84, Crs, GeoReference
+from maipp.scenario import Scenario
 from maipp.surveys.area import FreeSpace
 from maipp.surveys.clean import Cleaned, fitted, merged, without_spikes
 from maipp.surveys.joined import joined
@@ -19,6 +20,9 @@ from maipp.surveys.survey import SampleFile, Survey
 from maipp.surveys.systems import file_system, to_user
 from maipp.typing import Float
 
+if TYPE_CHECKING:  # it imports JAX
+    from maipp.belief.refit import HyperPrior
+
 # Standardised noise variance where nobody says how well the robots measure: 5 % of the prior standard deviation.
 _ASSUMED_NOISE = 0.05**2
 _LEAST_NOISE = 1e-6  # below, the kernel matrix of neighbouring measurements cannot be factored in single precision
@@ -26,6 +30,10 @@ _SCALES = (0.02, 3.0)  # domain units: beyond, a field looks like noise, or cons
 # Standardised threshold of the paper's experiments, which the weights that ship were trained with.
 _PAPER_THRESHOLD = 0.4
 _PAPER_LENGTH_SCALE = 0.45  # of the side of a square
+# Standard deviation of the logarithm of the noise variance, and what the guess of the field's standard deviation is
+# worth in measurements (twice this), where it was told, where a threshold led to it, and where nothing did.
+_NOISE_TOLD, _NOISE_ASSUMED = 0.5, 1.5
+_TOLD_SCALE, _THRESHOLD_SCALE, _NO_SCALE = 5.0, 0.1, 0.01
 # More old samples than this make every decision slow and tell it little: they are thinned by place.
 MOST_SAMPLES = 400
 
@@ -93,6 +101,28 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
         sample_noise=_bounded(sample_noise),
         fit=fit,
         warnings=tuple(warnings),
+    )
+
+
+def hyper_prior(survey: Survey, scenario: Scenario, fit: Any) -> "HyperPrior | None":
+    """What the kernel is refitted with under way, around the one assumed; None where it is to stay."""
+    kernel = survey.kernel
+    given = (kernel.length_scale_m, kernel.mean, kernel.std)
+    unknown = survey.samples is None and all(value is None for value in given)
+    if not (unknown if kernel.adapt is None else kernel.adapt):
+        return None
+    from maipp.belief.refit import HyperPrior
+
+    known_std = kernel.std is not None or fit is not None
+    return HyperPrior(
+        length_scale=scenario.length_scale,
+        noise=scenario.noise,
+        std=math.sqrt(scenario.signal_variance),
+        noise_spread=_NOISE_TOLD if survey.noise is not None or fit is not None else _NOISE_ASSUMED,
+        weight=_TOLD_SCALE if known_std else _NO_SCALE if survey.threshold is None else _THRESHOLD_SCALE,
+        level_known=kernel.mean is not None or fit is not None,
+        shortest=_SCALES[0],
+        longest=_SCALES[1],
     )
 
 

@@ -18,15 +18,16 @@ from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
 from maipp.surveys.complement import complement, without_holes
 from maipp.surveys.homes import ways_home
 from maipp.surveys.place import Place, ends_of, find_place, starts_of
-from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior
+from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior, hyper_prior
 from maipp.surveys.survey import Survey
 from maipp.typing import Float
 
 if TYPE_CHECKING:
+    from maipp.belief.refit import HyperPrior
     from maipp.engine.decision import Planner
 
 # A standardised threshold below anything that a belief rules out: the whole area is of interest.
-_EVERYTHING = -4.0
+EVERYTHING = -4.0
 # A place is ruled out where the mean lies this many times its standard deviation below the threshold. The paper's 1,
 # but where the threshold lies high above the prior mean so much that the unknown counts as possibly high, as there.
 _PAPER_BETA, _PRIOR_BETA = 1.0, 2.0
@@ -60,6 +61,12 @@ class PreparedSurvey:
     no_go: tuple[Float[np.ndarray, "_ 2"], ...]  # borders of what must not be entered, user coordinates
     warnings: tuple[str, ...]
     prior_noise: float  # standardised variance of the old samples' noise
+    adapt: "HyperPrior | None" = None  # what the kernel is refitted with under way; None: it stays as it is
+
+    @property
+    def least_beta(self) -> float:
+        """So many times the standardised threshold, or 1, is the confidence that rules places out; 0: it is given."""
+        return 0.0 if self.survey.threshold is None or "beta" in self.survey.scenario else _PRIOR_BETA
 
     def make_planner(self) -> "Planner":
         """The planner, built for the scenario. Raises `InputError` for a planner or option that does not fit."""
@@ -117,6 +124,7 @@ def prepare(
         no_go=no_go,
         warnings=tuple(warnings),
         prior_noise=prior.sample_noise,
+        adapt=hyper_prior(survey, scenario, prior.fit),
     )
 
 
@@ -206,7 +214,7 @@ def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
 def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[str, float]:
     """The threshold in standardised values, and the confidence that rules places out."""
     if survey.threshold is None:
-        return {"threshold": _EVERYTHING, "beta": _PAPER_BETA}
+        return {"threshold": EVERYTHING, "beta": _PAPER_BETA}
     threshold = float(frame.to_domain_values(survey.threshold))
     if abs(threshold) > 100:
         raise InputError(

@@ -107,6 +107,7 @@ class Kernel:
     length_scale_m: Metres | None = None  # over which values stay alike
     mean: Number | None = None  # in the unit
     std: Annotated[_Above0, "a standard deviation > 0, in the unit"] | None = None
+    adapt: bool | None = None  # whether it is refitted under way; None: where nothing is given and there are no samples
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ kernel:                          # ... or given here; what is given wins over th
   length_scale_m: 300            # distance over which values stay alike
   mean: 9
   std: 4
+  # adapt: true                  # live: refitted to what is measured (default: if neither samples nor kernel are given)
 
 # gate: 5                        # live: how surprising a measurement may be, in standard deviations; 0 takes all
 

@@ -1,0 +1,134 @@
+"""The kernel is refitted under way: a function of what was measured, in the journal, used by whatever is decided."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from maipp.belief.refit import Hyperparameters, HyperPrior
+from maipp.errors import InputError
+from maipp.live import LiveSurvey, refits
+from maipp.live.gate import LEVEL, Gate
+from maipp.live.refits import Refits
+from maipp.live.sample import Sample
+from maipp.live.seen import correlations
+from maipp.live.simulate import simulate
+from maipp.scenario import Scenario
+
+GUESS = Hyperparameters(0.0, 1.0, 0.45, 1e-3)
+PRIOR = HyperPrior(0.45, 1e-3)
+UNKNOWN = HyperPrior(0.45, 1e-3, weight=0.01, level_known=False, noise_spread=1.5)
+SMALL = Scenario(agents=2, budget=3.0, start=(0.5, 0.5), grid=8, nodes=16, neighbours=5, length_scale=0.8, noise=1e-3)
+
+
+def field(points):
+    """Shorter than the scenario thinks."""
+    return np.sin(11 * points[:, 0]) * np.cos(9 * points[:, 1])
+
+
+def samples(seed, count=48, true=0.2, level=0.0, size=1.0):
+    """Two robots that wander in a field with a shorter length scale than the guess."""
+    rng = np.random.default_rng(seed)
+    x = np.clip(np.cumsum(rng.normal(0, 0.08, (count // 2, 2, 2)), axis=0) + 0.5, 0, 1).reshape(-1, 2)
+    covariance = correlations(GUESS._replace(length_scale=true), x, x) + 1e-3 * np.eye(count)
+    values = level + size * np.linalg.cholesky(covariance) @ rng.normal(size=count)
+    return [
+        Sample(float(i), i % 2, *place, value) for i, (place, value) in enumerate(zip(x.tolist(), values, strict=True))
+    ]
+
+
+def gate(prior=PRIOR, level=LEVEL):
+    return Gate(GUESS, level, None, Refits(prior))
+
+
+@settings(max_examples=8)
+@given(data=st.data(), seed=st.integers(0, 3))
+def test_the_kernel_is_a_function_of_the_set(data, seed):
+    """Whatever was judged in between, of whatever part of the measurements."""
+    every = [s._replace(value=s.value + 30 * (i % 17 == 9)) for i, s in enumerate(samples(seed))]
+    at_once, bit_by_bit = gate(), gate()
+    wanted = at_once.judge(every)
+    for _ in range(data.draw(st.integers(1, 4))):
+        part = data.draw(st.sets(st.integers(0, 47)))
+        bit_by_bit.judge([each for i, each in enumerate(every) if i in part])
+    assert bit_by_bit.judge(every) == wanted and bit_by_bit.kernel == at_once.kernel
+    assert at_once.kernel.length_scale < 0.4
+
+
+def test_of_clean_measurements_of_an_unknown_level_none_is_kept_out():
+    out = [
+        sum(
+            verdict.out is not None for verdict in gate(UNKNOWN).judge(samples(seed, level=300.0, size=0.01 * 10**seed))
+        )
+        for seed in range(5)
+    ]
+    assert sum(out) <= 1  # of 240
+
+
+def test_a_spike_among_the_first_is_kept_out():
+    for at in (0, 2, 5, 9):
+        spiked = [s._replace(value=s.value + 1e4 * (i == at)) for i, s in enumerate(samples(1, level=20.0))]
+        verdicts = gate(UNKNOWN).judge(spiked)
+        assert [i for i, verdict in enumerate(verdicts) if verdict.out] == [at]
+
+
+def test_without_a_gate_the_kernel_is_fitted_all_the_same():
+    judge = gate(level=0.0)
+    verdicts = judge.judge(samples(2))
+    assert all(verdict.out is None and verdict.surprise is None for verdict in verdicts)
+    assert judge.kernel.measurements > 40 and judge.kernel.length_scale < 0.4
+
+
+@pytest.fixture(scope="module")
+def surveyed(tmp_path_factory):
+    """A survey of a field whose length scale was guessed too long, its journal, belief and state."""
+    journal = tmp_path_factory.mktemp("refits") / "survey.journal"
+    with LiveSurvey.from_scenario(SMALL, "shared-greedy", adapt=True, journal=journal) as survey:
+        simulate(survey, field, 0)
+        return journal, survey.belief(), survey.state()
+
+
+def error(belief):
+    return float(np.sqrt(np.mean((np.array(belief["mean"]) - field(np.array(belief["points"]))) ** 2)))
+
+
+def test_the_state_tells_the_kernel_and_the_belief_is_of_it(surveyed):
+    _, belief, state = surveyed
+    kernel = state["kernel"]
+    assert kernel["measurements"] >= 20 and 0.1 < kernel["length_scale"] < 0.5
+    with LiveSurvey.from_scenario(SMALL, "shared-greedy") as survey:
+        simulate(survey, field, 0)
+        assert "kernel" not in survey.state()
+        told = survey.belief()
+    assert np.mean(told["std"]) < 0.7 * np.mean(belief["std"])  # the guess promises too much
+    assert error(belief) < 1.1 * error(told)
+
+
+def test_a_restart_has_the_same_bits_and_fits_nothing_anew(surveyed, monkeypatch):
+    journal, belief, state = surveyed
+    monkeypatch.setattr(refits, "refit", lambda *_: pytest.fail("fitted anew"))
+    with LiveSurvey.from_scenario(SMALL, "shared-greedy", adapt=True, journal=journal) as survey:
+        assert survey.belief() == belief and survey.state() == state
+    lines = [json.loads(line) for line in journal.read_bytes().splitlines()[1:]]
+    assert sum(len(line.get("kernels", {})) for line in lines) >= 10
+
+
+def test_a_journal_with_refits_is_of_another_survey_than_one_without(surveyed):
+    with pytest.raises(InputError, match="another survey"):
+        LiveSurvey.from_scenario(SMALL, "shared-greedy", journal=surveyed[0])
+
+
+def test_under_the_guess_the_belief_is_that_without_refits():
+    """Offsets times the identity, values times 1: rounding of float32 at most."""
+    with (
+        LiveSurvey.from_scenario(SMALL, "shared-greedy", adapt=True) as adapting,
+        LiveSurvey.from_scenario(SMALL, "shared-greedy") as fixed,
+    ):
+        for number, (x, y) in enumerate(((0.2, 0.3), (0.8, 0.6), (0.4, 0.9))):
+            event = {"event": "measurement", "id": f"m{number}", "robot": "robot1", "time": float(number)}
+            for survey in (adapting, fixed):
+                survey.handle(event | {"position": [x, y], "value": 0.3 * number})
+        np.testing.assert_allclose(adapting.belief()["mean"], fixed.belief()["mean"], atol=1e-5)
+        np.testing.assert_allclose(adapting.belief()["std"], fixed.belief()["std"], atol=1e-5)
