@@ -26,7 +26,7 @@ def test_matrix_is_that_of_scikit_learn(length_scale, variance):
     reference = ConstantKernel(variance) * Matern(length_scale, nu=1.5)
     with jax.enable_x64(True):
         isotropic = isinstance(length_scale, float)
-        kernel = Matern32(length_scale, variance) if isotropic else per_axis(*length_scale, variance)
+        kernel = Matern32(length_scale, variance) if isotropic else per_axis(length_scale[0], length_scale[1], variance)
         matrix = kernel.matrix(jnp.asarray(A), jnp.asarray(B))
         np.testing.assert_allclose(matrix, reference(A, B), rtol=1e-12, atol=1e-14)
         np.testing.assert_allclose(kernel(jnp.asarray(A[:5]), jnp.asarray(B)), np.diagonal(reference(A[:5], B)))

@@ -35,7 +35,8 @@ def samples(seed, count=48, true=0.2, level=0.0, size=1.0):
     covariance = correlations(GUESS._replace(length_scale=true), x, x) + 1e-3 * np.eye(count)
     values = level + size * np.linalg.cholesky(covariance) @ rng.normal(size=count)
     return [
-        Sample(float(i), i % 2, *place, value) for i, (place, value) in enumerate(zip(x.tolist(), values, strict=True))
+        Sample(float(i), i % 2, px, py, value)
+        for i, ((px, py), value) in enumerate(zip(x.tolist(), values, strict=True))
     ]
 
 

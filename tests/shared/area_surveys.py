@@ -9,12 +9,24 @@ import jax.numpy as jnp
 import numpy as np
 import shapely
 
-from maipp.engine import Mission, draw_missions, run_missions
+from maipp.engine import Mission, State, draw_missions, run_missions
+from maipp.engine.score import moments_of, standing, taken_by
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
 from maipp.planners.plane_planner import PlanePlanner
 from maipp.planners.sweep import clipped_sweep
-from maipp.roadmap import FreeSpace, Obstacles, Roadmap, free_space, laplacian_encoding, sample_roadmaps, zones_of
+from maipp.roadmap import (
+    FreeSpace,
+    Home,
+    Obstacles,
+    Roadmap,
+    free_space,
+    home_of,
+    laplacian_encoding,
+    sample_roadmaps,
+    zones_of,
+)
+from maipp.roadmap.zones import borders_of, padded
 from maipp.scenario import Scenario
 from maipp.typing import Float
 from tests.shared.random_areas import AGENTS, BUDGET, COMMON, CORNERS, EDGES, POINTS, VERTICES, Area
@@ -37,18 +49,22 @@ class Surveyed(NamedTuple):
     crossed: int  # legs that enter a zone
     unmeasured: float  # part of the reachable grid points that are far from every measurement
     stuck: int  # times that an agent stayed around one place while it could have reached such points
+    trace: float  # Tr(P) of all that was measured
 
 
 class Surveyor:
-    """Surveys areas with one planner, compiled for the first of them."""
+    """Surveys areas with one planner, compiled for the first of them; with `homes` robots end where they are told."""
 
-    def __init__(self, name: str, options: dict[str, Any]) -> None:
-        self.common = Scenario(**COMMON)
+    def __init__(self, name: str, options: dict[str, Any], homes: bool = False) -> None:
+        self.common = Scenario(**COMMON, end=(0.1, 0.1) if homes else None)
         self.planner = make_planner(name, self.common, options)
         self.world = draw_missions(self.common, seed=3, instances=1, roadmaps=False)
 
-    def survey(self, area: Area, seed: int) -> Surveyed:
-        """One survey of the area; `seed` is that of the roadmaps and of the planner."""
+    def survey(self, area: Area, seed: int, end: tuple[float, float] | None = None, reserve: float = 0.0) -> Surveyed:
+        """One survey of the area; `seed` is that of the roadmaps and of the planner.
+
+        All robots end at `end`, with `reserve` of their budget left, domain units.
+        """
         scenario, planner, obstacles = area.scenario, self.planner, Obstacles(area.scenario.obstacles)
         # What is static of a planner stays that of the common scenario; the zones are arrays.
         if isinstance(planner, Lawnmower):
@@ -62,12 +78,20 @@ class Surveyor:
         inside = obstacles.free(grid)
         roadmap = self._roadmap(area, starts, seed) if planner.uses_roadmap else None
         mission: Mission = eqx.tree_at(
-            lambda mission: (mission.start, mission.inside, mission.roadmap),
+            lambda mission: (mission.start, mission.inside, mission.roadmap, mission.home, mission.params.reserves),
             self.world,
-            (jnp.asarray(starts)[None], jnp.asarray(inside)[None], roadmap),
+            (
+                jnp.asarray(starts)[None],
+                jnp.asarray(inside)[None],
+                roadmap,
+                None if end is None else _home(scenario, end),
+                jnp.full((1, AGENTS), reserve),
+            ),
             is_leaf=lambda leaf: leaf is None,
         )
-        states = jax.tree.map(np.asarray, run_missions(planner, mission, jax.random.key(seed)))
+        finished = run_missions(planner, mission, jax.random.key(seed))
+        trace = float(_trace(mission, finished)[0])
+        states = jax.tree.map(np.asarray, finished)
         routes = [states.route[0, i, : states.route_length[0, i]].astype(float) for i in range(AGENTS)]
         points = grid[shapely.contains_xy(area.free, grid[:, 0], grid[:, 1])]
         free = free_space(scenario.obstacles, scenario.extent)
@@ -78,6 +102,7 @@ class Surveyor:
             crossed=sum(_crossed(obstacles, route) for route in routes),
             unmeasured=_far(points, places[np.isfinite(times)]),
             stuck=sum(_stays(free, points, places, times, agent) for agent in range(AGENTS)),
+            trace=trace,
         )
 
     def _roadmap(self, area: Area, starts: Float[np.ndarray, "m 2"], seed: int) -> Roadmap:
@@ -94,6 +119,26 @@ class Surveyor:
             made = dataclasses.replace(made, encoding=laplacian_encoding(made, encodings))
         real = jnp.result_type(float)
         return jax.tree.map(lambda a: jnp.asarray(a, real if a.dtype.kind == "f" else None)[None], made)
+
+
+@eqx.filter_jit
+def _trace(missions: Mission, states: State) -> Float[jax.Array, " b"]:
+    return jax.vmap(
+        lambda mission, state: standing(mission, moments_of(mission, state), taken_by(state, jnp.inf)).trace
+    )(missions, states)
+
+
+def _home(scenario: Scenario, end: tuple[float, float]) -> Home:
+    """The way to a place, (1, ...), with room for any area's."""
+    home = home_of([[end]] * AGENTS, scenario.obstacles, scenario.extent, scenario.grid)
+    borders = borders_of(free_space(scenario.obstacles, scenario.extent), scenario.extent, EDGES, CORNERS)
+    shape = AGENTS, len(borders.corners)
+    ends = home.ends._replace(
+        onward=padded(np.asarray(home.ends.onward), shape, np.inf),
+        turn=padded(np.asarray(home.ends.turn), shape, -1),
+        door=padded(np.asarray(home.ends.door), shape, 0),
+    )
+    return jax.tree.map(lambda array: array[None], Home(ends, borders))
 
 
 def _crossed(obstacles: Obstacles, route: Float[np.ndarray, "k 2"]) -> int:
