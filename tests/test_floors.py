@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = (
     ("typing", "errors", "cgroup", "devices", "files", "markdown", "records", "seeds"),
-    ("geo", "scenario", "scenario_io", "problem"),
+    ("geo", "per_agent", "scenario", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
     ("policy", "viz", "missions", "adapters"),

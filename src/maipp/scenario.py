@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, no_type_check
 
 from maipp.errors import InputError
+from maipp.per_agent import PerAgent
 from maipp.records import FieldError, Within, described, fields_of, nearest, refusal, settle, show
 from maipp.records.kinds import Ascending, Count, Each, NotNegative, Positive, Real
 
@@ -40,7 +41,7 @@ _Side = Annotated[float, Within(above=0.0, most=20.0)]  # float32 distances keep
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(PerAgent):
     """One survey problem. Immutable and hashable, so that compiled functions are keyed on it.
 
     Lengths are in domain units (the paper's domain is the unit square), values in the field's own units.
@@ -226,7 +227,7 @@ class Scenario:
         """Raises `FieldError` where fields that are right by themselves contradict each other."""
         shared = self.start is not None and not isinstance(self.start[0], tuple)
         several = ("budget", "speed", "reserve", *(() if shared else ("start",)))
-        for key in (*several, "end") if self._end_per_agent else several:
+        for key in (*several, "end") if self.ends_differ else several:
             values = getattr(self, key)
             if isinstance(values, tuple) and len(values) != self.agents:
                 raise refusal(self, _WHERE, key, values, f"holds {len(values)} for {self.agents} agents")
@@ -235,16 +236,16 @@ class Scenario:
             if not (0 <= x <= self.extent[0] and 0 <= y <= self.extent[1]):
                 key = "start" if shared else f"start[{index}]"
                 raise refusal(self, _WHERE, key, (x, y), f"is outside the domain of extent {self.extent}")
-        for agent, places in enumerate(self._ends or ()):
+        for agent, places in enumerate(self.places or ()):
             for index, (x, y) in enumerate(places):
                 if not (0 <= x <= self.extent[0] and 0 <= y <= self.extent[1]):
-                    key = f"end[{agent}][{index}]" if self._end_per_agent else f"end[{index}]"
+                    key = f"end[{agent}][{index}]" if self.ends_differ else f"end[{index}]"
                     raise refusal(self, _WHERE, key, (x, y), f"is outside the domain of extent {self.extent}")
         for agent, (reserve, budget) in enumerate(zip(self.reserves, self.budgets, strict=True)):
             if reserve >= budget:
                 key = f"reserve[{agent}]" if isinstance(self.reserve, tuple) else "reserve"
                 raise refusal(self, _WHERE, key, reserve, f"is not below the budget ({budget})")
-        longest, interval = self._longest_budget, self.measurement_interval
+        longest, interval = self.longest_budget, self.measurement_interval
         if longest / interval > _MOST_MEASUREMENTS:
             problem = f"means {longest / interval:.2g} measurements per agent, too many to tell apart"
             raise refusal(self, _WHERE, "measurement_interval", interval, problem)
@@ -282,63 +283,9 @@ class Scenario:
         return self.from_dict(self.to_dict() | changes)
 
     @property
-    def budgets(self) -> tuple[float, ...]:
-        """Budget of every agent, length m, domain units."""
-        return self.budget if isinstance(self.budget, tuple) else (self.budget,) * self.agents
-
-    @property
-    def reserves(self) -> tuple[float, ...]:
-        """Reserve of every agent, length m, domain units."""
-        return self.reserve if isinstance(self.reserve, tuple) else (self.reserve,) * self.agents
-
-    @property
-    def speeds(self) -> tuple[float, ...]:
-        """Speed of every agent, length m, domain units per unit of time."""
-        return self.speed if isinstance(self.speed, tuple) else (self.speed,) * self.agents
-
-    @property
-    def starts(self) -> tuple[Pair, ...] | None:
-        """Start of every agent, length m, domain units; None where it is drawn."""
-        if self.start is None or isinstance(self.start[0], tuple):
-            return self.start  # type: ignore[return-value]  # the first element tells one position from several
-        return (self.start,) * self.agents  # type: ignore[return-value]
-
-    @property
-    def _end_per_agent(self) -> bool:
-        places = self.end if isinstance(self.end, tuple) else ()
-        return any(isinstance(each, tuple) and (not each or isinstance(each[0], tuple)) for each in places)
-
-    @property
-    def _ends(self) -> tuple[tuple[Pair, ...], ...] | None:
-        """The places of every agent, length m; None where they are not given as places."""
-        if self.end is None or isinstance(self.end, str):
-            return None
-        if self._end_per_agent:
-            return self.end  # type: ignore[return-value]  # its elements tell
-        return (self.end if isinstance(self.end[0], tuple) else (self.end,),) * self.agents  # type: ignore[return-value]
-
-    @property
-    def homes(self) -> int:
-        """Places of which each agent ends at one; 0 where it may end anywhere."""
-        if self.end is None:
-            return 0
-        return max(map(len, self._ends)) if self._ends is not None else 1
-
-    def ends_from(self, starts: Any) -> tuple[tuple[Pair, ...], ...]:
-        """Where each agent may end that began at `starts` (m, 2), domain units: at any of these; anywhere if none.
-
-        Only where ends are given.
-        """
-        return self._ends or tuple(((float(x), float(y)),) for x, y in starts)
-
-    @property
-    def _longest_budget(self) -> float:
-        return max(self.budget) if isinstance(self.budget, tuple) else self.budget
-
-    @property
     def measurements_per_agent(self) -> int:
         """S: the most measurements any agent can take; the one at exactly its budget counts."""
-        return math.floor(self._longest_budget / self.measurement_interval + 1e-6)
+        return math.floor(self.longest_budget / self.measurement_interval + 1e-6)
 
     @property
     def measurements(self) -> int:

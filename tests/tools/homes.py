@@ -23,9 +23,15 @@ NEAR = 0.8
 TOLERANCE = 1e-5  # domain units; positions and odometers are sums in float32
 
 
+def start_of(area: Area) -> tuple[float, float]:
+    """Where the robots set out."""
+    assert area.scenario.starts is not None
+    return area.scenario.starts[0]
+
+
 def another(area: Area, seed: int, reserve: float) -> tuple[float, float]:
     """A place in the area that can be reached with something to spare."""
-    rng, start = np.random.default_rng([43, seed]), np.array(area.scenario.starts[0])
+    rng, start = np.random.default_rng([43, seed]), np.array(start_of(area))
     free = free_space(area.scenario.obstacles, area.scenario.extent)
     while True:
         place = rng.random(2)
@@ -63,10 +69,9 @@ def bound_row(surveyor: Surveyor, areas: list[Area], kind: str, without: np.ndar
     traces = []
     for seed, area in enumerate(areas):
         reserve = BUDGET * RESERVES[seed % len(RESERVES)]
-        start = tuple(map(float, area.scenario.starts[0]))
-        end = start if kind == "start" else another(area, seed, reserve)
+        end = start_of(area) if kind == "start" else another(area, seed, reserve)
         found = surveyor.survey(area, seed, end, reserve)
-        gaps = [float(np.hypot(*(route[-1] - np.float32(end)))) for route in found.routes]
+        gaps = [float(np.hypot(*(route[-1] - np.asarray(end, np.float32)))) for route in found.routes]
         robots += len(gaps)
         home += sum(gap <= TOLERANCE for gap in gaps)
         late += int((found.odometer > BUDGET - reserve + TOLERANCE).sum())
