@@ -86,6 +86,9 @@ class Survey:
     raster: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: the file's)")] = None
     """gridded map to rehearse on instead of drawn fields, in the mission's coordinates and unit"""
 
+    adapt: tyro.conf.FlagCreatePairsOff[bool] = False
+    """rehearse each team once more with the kernel refitted under way, on fields of uncertain length scale"""
+
 
 def run(flags: Survey) -> int:
     """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
@@ -118,6 +121,7 @@ def _new(path: Path | None) -> int:
 def _check_flags(flags: Survey) -> None:
     """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
     rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
+    rehearsals["adapt"] = flags.adapt or None
     if not flags.rehearse:
         for name, value in rehearsals.items():
             if value not in (None, ()):
@@ -267,6 +271,9 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     from maipp.surveys.rehearsal_report import summary_table, words
     from maipp.surveys.rehearsal_report import write_report as write_rehearsal
 
+    refitted = None
+    if flags.adapt:
+        from maipp.live.rehearse import refitted
     rehearsal = survey.rehearsal
     if flags.fields is not None:
         if not 1 <= flags.fields <= 10_000:
@@ -286,6 +293,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
                 rehearsal=rehearsal,
                 seed=flags.seed,
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
+                refitted=refitted,
             )
         names = write_rehearsal(result, stage)
     console = results_console()

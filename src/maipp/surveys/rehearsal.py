@@ -20,10 +20,13 @@ from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
 from maipp.surveys.survey import Rehearsal, Survey
-from maipp.typing import Array, Float
+from maipp.typing import Array, Float, Key
 
 # Mixed into the seed, so that the drawn fields share no key with the starts and the planners.
 _FIELD_STREAM, _PLANNER_STREAM = 0x5F1E1D, 0xFFFFFFFF
+
+# Of a rehearsed planner whose belief is refitted under way.
+REFITTED = ", refitted"
 
 
 class Outcome(eqx.Module):
@@ -71,6 +74,11 @@ class RehearsalResult:
     warnings: tuple[str, ...]
 
 
+# Rehearses a team on fields (a pytree with a leading axis), so many of them, from a seed: the parts of an `Outcome` at
+# the end of the survey.
+Refitted = Callable[[PreparedSurvey, Any, int, int], dict[str, Any]]
+
+
 def with_robots(survey: Survey, count: int) -> Survey:
     """The survey with the first `count` robots; beyond those that it has, the last one is copied."""
     robots = list(survey.robots[:count])
@@ -90,13 +98,18 @@ def rehearse(
     rehearsal: Rehearsal | None = None,
     seed: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
+    refitted: Refitted | None = None,
 ) -> RehearsalResult:
     """The mission simulated for every planner and size of team on the same fields.
 
     Left out, `planners` is the survey's and `robots` all from one to its own. Drawn fields are the same for all, so
     results can be paired. On a raster the rehearsals differ in the planner's randomness only. `progress` is called with
-    what is run, the number of runs done and of all. Raises `InputError` for what makes a run impossible.
+    what is run, the number of runs done and of all. With `refitted` each team is rehearsed once more by it, with the
+    kernel refitted under way, and fields are drawn with length scales as uncertain as the refits take them to be.
+    Raises `InputError` for what makes a run impossible.
     """
+    if refitted is not None:
+        survey = dataclasses.replace(survey, kernel=dataclasses.replace(survey.kernel, adapt=True))
     rehearsal = rehearsal or survey.rehearsal
     seed = survey.seed if seed is None else seed
     planners = tuple(dict.fromkeys(planners or (survey.planner,)))
@@ -107,7 +120,8 @@ def rehearse(
     field = None
     if rehearsal.raster is not None:
         field = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
-    fields = _drawn(first, rehearsal.fields, seed) if field is None else None
+    spread = 0.0 if refitted is None or first.adapt is None else first.adapt.scale_spread
+    fields = _drawn(first, rehearsal.fields, seed, spread) if field is None else None
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     teams = []
     for index, ((name, count, prepared), planner) in enumerate(zip(ready, built, strict=True)):
@@ -118,7 +132,12 @@ def rehearse(
         else:
             missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
         states = run_missions(planner, missions, key)
-        teams.append(_in_units(prepared, name, count, jax.device_get(outcomes(missions, states))))
+        fixed: Outcome = jax.device_get(outcomes(missions, states))
+        teams.append(_in_units(prepared, name, count, fixed))
+        if refitted is not None:
+            found = refitted(prepared, missions.field, rehearsal.fields, seed)
+            before = {key: getattr(fixed, key) for key in ("trace_before", "rmse_before", "found_before")}
+            teams.append(_in_units(prepared, name + REFITTED, count, Outcome(**found, **before)))
     if progress is not None:
         progress("done", len(ready), len(ready))
     on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
@@ -131,15 +150,26 @@ def _on_fields(missions: Mission, fields: Any) -> Mission:
     return dataclasses.replace(missions, field=fields, truth=truth)
 
 
-def _drawn(prepared: PreparedSurvey, count: int, seed: int) -> Any:
-    """`count` fields as likely as the prior and the samples have it, one pytree with a leading axis."""
+def _drawn(prepared: PreparedSurvey, count: int, seed: int, spread: float) -> Any:
+    """`count` fields as likely as the prior and the samples have it, one pytree with a leading axis.
+
+    `spread` is the standard deviation of the length scale's logarithm.
+    """
     from maipp.fields.gp_field import draw_fields
 
     scenario = prepared.scenario
-    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
     key = jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM)
     x, y = prepared.prior or (None, None)
-    return draw_fields(key, kernel, count, x=x, y=y, noise=prepared.prior_noise)
+
+    def drawn(length_scale: float, key: Key, count: int) -> Any:
+        kernel = Matern32(length_scale, scenario.signal_variance)
+        return draw_fields(key, kernel, count, x=x, y=y, noise=prepared.prior_noise)
+
+    if not spread:
+        return drawn(scenario.length_scale, key, count)
+    scales = scenario.length_scale * np.exp(spread * np.random.default_rng([seed, _FIELD_STREAM]).normal(size=count))
+    each = [drawn(float(scale), jax.random.fold_in(key, index), 1) for index, scale in enumerate(scales)]
+    return jax.tree.map(lambda *arrays: jnp.concatenate(arrays), *each)
 
 
 @eqx.filter_jit

@@ -10,7 +10,7 @@ from rich import box
 from rich.table import Table
 
 from maipp.files import write_atomic
-from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam
+from maipp.surveys.rehearsal import REFITTED, RehearsalResult, RehearsedTeam
 from maipp.surveys.rehearsal_figure import draw_rehearsal
 from maipp.surveys.spread import Spread, spread
 from maipp.typing import Float
@@ -73,7 +73,7 @@ def summary_table(result: RehearsalResult) -> Table:
 
 def words(result: RehearsalResult) -> list[str]:
     """What the rehearsal says, in sentences: the best planner, and what each further robot adds."""
-    planners = list(dict.fromkeys(team.planner for team in result.teams))
+    planners = list(dict.fromkeys(team.planner for team in result.teams if not team.planner.endswith(REFITTED)))
     largest = max(team.robots for team in result.teams)
     best = min(planners, key=lambda name: float(_team(result, name, largest).trace.mean()))
     sentences = []
@@ -89,7 +89,19 @@ def words(result: RehearsalResult) -> list[str]:
         + "."
     )
     sentences += [_worth(less, more, unit) for less, more in zip(teams, teams[1:], strict=False)]
-    return sentences
+    refitted = [team for team in result.teams if team.planner == best + REFITTED and team.robots == largest]
+    return sentences + [_refitted(_team(result, best, largest), team, unit) for team in refitted]
+
+
+def _refitted(fixed: RehearsedTeam, team: RehearsedTeam, unit: str) -> str:
+    """What refitting the kernel under way does to the error of the map; the traces are by different kernels."""
+    gain, se = _gain(fixed.rmse, team.rmse)
+    error = f"{spread(team.rmse).mean:.3g}{unit}"
+    return (
+        f"Kernel refitted under way, {_robots(team.robots)} with {fixed.planner}, on fields of uncertain length scale: "
+        f"the error changes by {-gain:+.0%} (\u00b1 {se:.0%}) to {error}, {_verdict(gain, se)}. "
+        "Its Tr(P) is by another kernel and cannot be compared."
+    )
 
 
 def _worth(less: RehearsedTeam, more: RehearsedTeam, unit: str) -> str:
