@@ -33,10 +33,9 @@ def refitted(prepared: PreparedSurvey, fields: Any, count: int, seed: int) -> di
 
 def _rehearsed(prepared: PreparedSurvey, field: Any, seed: int) -> dict[str, float]:
     """How a team fares on one field."""
-    real = np.dtype(jax.dtypes.canonicalize_dtype(float))
 
     def truth(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        return np.asarray(_values(field, points.astype(real)))
+        return np.asarray(_values(field, jnp.asarray(points, jnp.result_type(float))))
 
     with LiveSurvey.from_prepared(prepared, seed=seed) as survey:
         simulate(survey, truth, seed)

@@ -137,7 +137,9 @@ def rehearse(
         if refitted is not None:
             found = refitted(prepared, missions.field, rehearsal.fields, seed)
             before = {key: getattr(fixed, key) for key in ("trace_before", "rmse_before", "found_before")}
-            teams.append(_in_units(prepared, name + REFITTED, count, Outcome(**found, **before)))
+            teams.append(
+                _in_units(prepared, name + REFITTED, count, Outcome(**jax.tree.map(jnp.asarray, found | before)))
+            )
     if progress is not None:
         progress("done", len(ready), len(ready))
     on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
