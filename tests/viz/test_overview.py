@@ -2,7 +2,11 @@
 
 import ast
 import dataclasses
+import inspect
+import itertools
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +14,7 @@ import pytest
 import maipp.viz
 from maipp.belief import PriorSamples
 from maipp.errors import InputError
+from maipp.scenario import Scenario
 from maipp.viz.overview import draw_overview, save_overview
 from maipp.viz.style import AGENT_COLOURS, agent_colour, agent_line
 
@@ -118,3 +123,19 @@ def test_nothing_here_touches_pyplot():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import | ast.ImportFrom):
                 assert "pyplot" not in ast.unparse(node), path
+
+
+def test_zones_that_touch_are_drawn_without_the_side_that_they_share():
+    from matplotlib.figure import Figure
+
+    from maipp.viz.maps import draw_obstacles
+
+    halves = [[[x, 0.2], [x + 0.2, 0.2], [x + 0.2, 0.8], [x, 0.8]] for x in (0.3, 0.5)]
+    drawn = SimpleNamespace(to_user=lambda points: points)
+    episode: Any = SimpleNamespace(scenario=Scenario.create(agents=1, obstacles=halves), drawn=drawn)
+    axes = Figure().add_subplot()
+    inspect.unwrap(draw_obstacles)(axes, episode)  # the stand-in is no Episode, which runtime checks would ask for
+    (patch,) = axes.patches
+    ends = {tuple(sorted((tuple(a), tuple(b)))) for a, b in itertools.pairwise(patch.get_path().vertices.tolist())}
+    assert ((0.5, 0.2), (0.5, 0.8)) not in ends
+    assert not any(a[0] == b[0] == 0.5 for a, b in ends)

@@ -4,16 +4,18 @@ import math
 from typing import Any
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from maipp.engine.episode import Episode
+from maipp.roadmap import Obstacles
 from maipp.typing import Float
 from maipp.viz.style import (
     AREA_COLOUR,
@@ -66,10 +68,15 @@ def prepare_map(axes: Axes, episode: Episode, title: str, *, x_label: bool = Tru
 
 
 def draw_obstacles(axes: Axes, episode: Episode) -> None:
-    """The no-go polygons, hatched."""
-    for polygon in episode.scenario.obstacles:
-        places = episode.drawn.to_user(np.array(polygon))
-        axes.add_patch(Polygon(places, zorder=OBSTACLE, **_OBSTACLE_LOOK))
+    """The no-go zones, hatched; those that touch are one, without the sides that they share."""
+    if not episode.scenario.obstacles:
+        return
+    for part in shapely.get_parts(Obstacles(episode.scenario.obstacles).union):
+        rings = (
+            Path(episode.drawn.to_user(np.asarray(ring.coords)), closed=True)
+            for ring in (part.exterior, *part.interiors)
+        )
+        axes.add_patch(PathPatch(Path.make_compound_path(*rings), zorder=OBSTACLE, **_OBSTACLE_LOOK))
 
 
 def draw_prior(axes: Axes, episode: Episode) -> None:
