@@ -136,6 +136,9 @@ def test_zones_that_touch_are_drawn_without_the_side_that_they_share():
     axes = Figure().add_subplot()
     inspect.unwrap(draw_obstacles)(axes, episode)  # the stand-in is no Episode, which runtime checks would ask for
     (patch,) = axes.patches
-    ends = {tuple(sorted((tuple(a), tuple(b)))) for a, b in itertools.pairwise(patch.get_path().vertices.tolist())}
+    ends = {
+        tuple(sorted((tuple(a), tuple(b))))
+        for a, b in itertools.pairwise(np.asarray(patch.get_path().vertices).tolist())
+    }
     assert ((0.5, 0.2), (0.5, 0.8)) not in ends
     assert not any(a[0] == b[0] == 0.5 for a, b in ends)

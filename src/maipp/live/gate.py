@@ -117,7 +117,11 @@ class Gate:
         elif mark == "kept" or not self.level or abs(expected.score) <= self.level * self._usual():
             seen.accept(sample, expected)
         else:
-            agree = [other for other in self._waiting if self._agree(index, other)]
+            near = [other for other in self._waiting if self._agree(index, other)]
+            # With each other too: spikes that lie around one that is like them are no patch of the field.
+            agree = [
+                each for each in near if sum(self._agree(each, other) for other in near if other != each) >= _OTHERS - 1
+            ]
             if len(agree) >= _OTHERS:
                 step.let_in.extend(agree)
                 for each in (*agree, index):
