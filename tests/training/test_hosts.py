@@ -1,11 +1,8 @@
 """Several processes train as one; flags that make no sense are refused."""
 
-import os
 import re
 import shutil
 import socket
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -32,46 +29,28 @@ def free_port():
         return str(found.getsockname()[1])
 
 
-def run_all(commands, timeout):
-    """Run Python with each of the arguments, at the same time; give the exit codes and what was printed."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    environment.pop("JAX_NUM_CPU_DEVICES", None)  # one device for each process
-    running = [
-        subprocess.Popen(
-            [sys.executable, *map(str, each)],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for each in commands
-    ]
-    try:
-        told = [process.communicate(timeout=timeout)[0] for process in running]
-    finally:
-        for process in running:
-            process.kill()
-    return [process.returncode for process in running], told
-
-
-def run_tiny(*arguments):
+@pytest.fixture(scope="session")
+def run_tiny(run_all):
     """Run the script once for each tuple of arguments, at the same time."""
-    codes, told = run_all([(SCRIPT, *each) for each in arguments], 400)
-    assert codes == [0] * len(arguments), "\n".join(told)
+
+    def run(*arguments):
+        codes, told = run_all([(SCRIPT, *each) for each in arguments], 400)
+        assert codes == [0] * len(arguments), "\n".join(told)
+
+    return run
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(run_tiny, tmp_path_factory):
     """Two folders: 4 updates of the real learner without a break, and the first 2 of them."""
     folder = tmp_path_factory.mktemp("runs")
-    run_tiny((folder / "straight",))
-    run_tiny((folder / "half", "--stop", 2))
+    run_tiny((folder / "straight", "--half", folder / "half"))
     assert [path.name for path in checkpoints(folder / "half" / "checkpoints")] == ["000000", "000002"]
     return folder
 
 
 @pytest.mark.slow
-def test_resumed_the_learner_ends_with_the_same_bytes(runs, tmp_path):
+def test_resumed_the_learner_ends_with_the_same_bytes(runs, run_tiny, tmp_path):
     resumed = shutil.copytree(runs / "half", tmp_path / "resumed")
     run_tiny((resumed,))
     states = []
@@ -82,7 +61,7 @@ def test_resumed_the_learner_ends_with_the_same_bytes(runs, tmp_path):
 
 
 @pytest.mark.slow
-def test_two_processes_go_on_from_one_and_get_its_weights(runs, tmp_path):
+def test_two_processes_go_on_from_one_and_get_its_weights(runs, run_tiny, tmp_path):
     two = shutil.copytree(runs / "half", tmp_path / "two")
     port = free_port()
     run_tiny(*[(two, "--port", port, "--process", process) for process in (0, 1)])
@@ -120,7 +99,7 @@ def checkpoint_of_another_version(out, fake):
         slow(None, ""),
     ],
 )
-def test_a_process_that_cannot_go_on_ends_all_of_them(fault, says, fake, tmp_path):
+def test_a_process_that_cannot_go_on_ends_all_of_them(fault, says, fake, run_all, tmp_path):
     """Each with exit code 2 and one line that says what was wrong where, and none once a wait for another times out.
 
     An error that is nobody's input has its traceback where it was raised.

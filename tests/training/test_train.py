@@ -4,7 +4,6 @@ import json
 import os
 import random
 import signal
-import subprocess
 import sys
 import types
 from pathlib import Path
@@ -105,20 +104,20 @@ def test_a_finished_run_stays_as_it_is(tmp_path, fake):
 
 
 @pytest.mark.slow
-def test_killed_again_and_again_a_run_still_ends_with_the_same_bytes(tmp_path, fake):
+def test_killed_again_and_again_a_run_still_ends_with_the_same_bytes(tmp_path, fake, run_all):
     updates, draw = 6, random.Random(5)
     train(fake.fake_config(updates), tmp_path / "straight", learner=fake.FakeLearner())
-    out, environment = tmp_path / "killed", os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    out = tmp_path / "killed"
 
     def live(*kill):
-        command = [sys.executable, str(FAKE_RUN), str(out), str(updates), *map(str, kill)]
-        return subprocess.run(command, env=environment, timeout=120, capture_output=True, text=True)
+        (code,), told = run_all([(FAKE_RUN, out, updates, *kill)], 120)
+        return code, told
 
     lives = [live(draw.randint(3, 70)) for _ in range(5)]
-    assert {life.returncode for life in lives} <= {-signal.SIGKILL, 0}, [life.stderr for life in lives]
-    assert sum(life.returncode != 0 for life in lives) >= 3
-    last = live()
-    assert last.returncode == 0, last.stderr
+    assert {code for code, _ in lives} <= {-signal.SIGKILL, 0}, lives
+    assert sum(code != 0 for code, _ in lives) >= 3
+    code, told = live()
+    assert code == 0, told
     assert final_state(tmp_path / "straight", fake) == final_state(out, fake)
     logs = [without_times(read_log(tmp_path / name)) for name in ("straight", "killed")]
     assert logs[0] == logs[1]

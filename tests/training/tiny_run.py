@@ -1,6 +1,7 @@
-"""A tiny run of the real learner: `tiny_run.py OUT [--stop UPDATE] [--port PORT --process ID]`, which resumes.
+"""A tiny run of the real learner: `tiny_run.py OUT [--half OUT] [--port PORT --process ID]`, which resumes.
 
-With a port it is one of two processes that train together. A process of its own, since JAX joins others only once.
+Then the first half of it into a second folder, if there is one, with what is compiled already. With a port it is one of
+two processes that train together. A process of its own, since JAX joins others only once.
 """
 
 import argparse
@@ -11,6 +12,7 @@ from pathlib import Path
 from maipp.devices import use_all_cores
 from maipp.training.config import TrainConfig
 from maipp.training.hosts import hosts_of, join_hosts
+from maipp.training.learner import Learner
 from maipp.training.train import Step, train
 
 TINY = TrainConfig(
@@ -36,7 +38,7 @@ TINY = TrainConfig(
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("out", type=Path)
-    parser.add_argument("--stop", type=int)
+    parser.add_argument("--half", type=Path)
     parser.add_argument("--port")
     parser.add_argument("--process", type=int)
     given = parser.parse_args()
@@ -47,8 +49,11 @@ if __name__ == "__main__":
     assert (len(hosts.devices), hosts.process, hosts.processes) == (processes, given.process or 0, processes), hosts
 
     def stop(step: Step) -> None:
-        """Interrupt after the update that was asked for."""
-        if step.update == given.stop:
+        """Interrupt half-way."""
+        if step.update == TINY.updates // 2:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    train(TINY, given.out, resume=True, hosts=hosts, progress=stop)
+    learner = Learner(TINY, hosts.devices)
+    train(TINY, given.out, resume=True, hosts=hosts, learner=learner)
+    if given.half:
+        train(TINY, given.half, resume=True, hosts=hosts, learner=learner, progress=stop)

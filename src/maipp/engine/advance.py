@@ -5,12 +5,12 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 
-from maipp.engine.decide import depart_of
+from maipp.engine.decide import Departure, depart_of
 from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
 from maipp.engine.rows import pick, put
-from maipp.engine.state import State, leg_waypoints
+from maipp.engine.state import State
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Index
 
@@ -20,18 +20,20 @@ def advance(planner: Planner, mission: Mission, state: State, agent: Index, deci
 
     Where the record of its route has no room for that, nothing happens but that the state says so (`full`).
     """
+    remaining = pick(mission.params.spendable, agent) - pick(state.odometer, agent)
+    position, homeward = pick(state.leg, agent)[-1], pick(state.homeward, agent)
+    return set_off(mission, state, agent, depart_of(planner, mission, agent, position, remaining, decision, homeward))
+
+
+def set_off(mission: Mission, state: State, agent: Index, decided: Departure) -> State:
+    """The same for a decision in the form in which it can be acted on."""
     active = pick(state.active, agent)
     odometer = pick(state.odometer, agent)
-    remaining = pick(mission.params.spendable, agent) - odometer
     departure = state.time
     speed = pick(mission.params.speeds, agent)
     position = pick(state.leg, agent)[-1]
-
-    homeward = pick(state.homeward, agent)
-    decided = depart_of(planner, mission, agent, position, remaining, decision, homeward)
     leg, reach, length = decided.leg, decided.reach, decided.length
-    capacity = state.route.shape[-2]
-    w = leg_waypoints(mission.problem, planner)
+    capacity, w = state.route.shape[-2], len(reach)
     full = active & decided.go & (pick(state.route_length, agent) + w > capacity)
     acts = active & ~full
     go = acts & decided.go
