@@ -187,8 +187,4 @@ class GeoReference:
         """Plain numbers, texts and lists, ready for JSON; systems by their names."""
         own = {name: getattr(self, name) for name in self.__dataclass_fields__}
         plane, user = own.pop("plane"), own.pop("user")
-        return {**own, "plane": _listed(plane), "user": None if user is None else _listed(user)}
-
-
-def _listed(crs: Crs) -> dict[str, Any]:
-    return {"crs": crs.name, "geographic": crs.geographic, "metres": crs.metres}
+        return {**own, "plane": plane.to_dict(), "user": None if user is None else user.to_dict()}

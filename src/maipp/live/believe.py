@@ -7,7 +7,6 @@ import numpy as np
 from maipp.engine import Mission
 from maipp.engine.observe import belief_near, with_prior
 from maipp.live.measurements import Slots
-from maipp.live.world import World
 from maipp.typing import Array, Bool, Float
 
 # Fewest points that are asked together; other numbers are filled up to a power of two, each a shape to compile for.
@@ -27,11 +26,11 @@ def _moments(
 
 
 def believe(
-    world: World, slots: Slots, points: Float[np.ndarray, "p 2"]
+    mission: Mission, slots: Slots, points: Float[np.ndarray, "p 2"]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean and standard deviation at domain positions, standardised values: a function of the measurements alone."""
     count = len(points)
     filled = np.minimum(np.arange(1 << max(count - 1, _FEWEST - 1).bit_length()), count - 1)
     x, y, mask, asked = jax.device_put((slots.x, slots.y, slots.mask, points.astype(slots.x.dtype)[filled]))
-    mean, std = jax.device_get(_moments(world.mission, x, y, mask, asked))
+    mean, std = jax.device_get(_moments(mission, x, y, mask, asked))
     return mean[:count], std[:count]

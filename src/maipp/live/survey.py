@@ -20,7 +20,9 @@ from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe, pack
 from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
+from maipp.live.place import place_of
 from maipp.live.robots import GONE, Robot
+from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.live.whole import whole
 from maipp.live.world import Setup, World, draw_world, make_gate, make_setup
@@ -45,7 +47,7 @@ class LiveSurvey:
         """
         self.world, self.setup = world, setup
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
-        gate = make_gate(world, setup.gate)
+        gate = make_gate(world.mission, setup.gate)
         self._measurements = Measurements(len(setup.robots), setup.room, real, gate)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
@@ -112,7 +114,9 @@ class LiveSurvey:
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
         scenario = prepared.scenario
-        setup = make_setup(scenario, name, options, seed, prepared.names, units, prepared.survey.gate)
+        setup = make_setup(
+            scenario, name, options, seed, prepared.names, units, prepared.survey.gate, Site.of(prepared)
+        )
         return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.
@@ -321,7 +325,7 @@ class LiveSurvey:
             return
         header, where = self._header(), self._journal.path
         if not self._journal.records:
-            self._journal.append(header)
+            self._journal.append(header | {"place": place_of(self.world, self.setup).to_dict()})
             return
         found = self._journal.records[0]
         for key, mine in header.items():

@@ -15,6 +15,7 @@ import numpy as np
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.gate import LEVEL, Gate, Kernel
+from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -39,9 +40,9 @@ class World:
         return self.planner.on(self.mission.problem)
 
 
-def make_gate(world: World, level: float) -> Gate:
+def make_gate(mission: Mission, level: float) -> Gate:
     """The gate of a survey: it judges by the kernel and the old samples that beliefs are of."""
-    params, mission = world.mission.params, world.mission
+    params = mission.params
     kernel = Kernel(*(float(number) for number in (params.length_scale, params.signal_variance, params.noise)))
     if mission.prior_x is None or mission.prior_y is None:
         return Gate(kernel, level)
@@ -65,7 +66,7 @@ def draw_world(
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """What makes two live surveys the same one, besides the scenario: all that is in the journal's header."""
+    """What makes two live surveys the same one, besides the scenario, and what is told of the place."""
 
     planner: str  # name
     options: dict[str, Any]
@@ -74,6 +75,7 @@ class Setup:
     room: int  # measurements of each robot that there is room for at first
     units: Units
     gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
+    site: Site = Site()  # answers do not depend on it
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -97,6 +99,11 @@ class Setup:
         return digest.hexdigest()
 
 
+def first_room(scenario: Scenario) -> int:
+    """Measurements of each robot that there is room for at first: what budgets allow, and some more."""
+    return math.ceil(_RESERVE * scenario.measurements_per_agent)
+
+
 def make_setup(
     scenario: Scenario,
     name: str,
@@ -105,9 +112,11 @@ def make_setup(
     robots: Sequence[str],
     units: Units,
     gate: float = LEVEL,
+    site: Site | None = None,
 ) -> Setup:
-    """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
+    """The setup; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
-    room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate)
+    return Setup(
+        name, dict(options or {}), check_seed(seed), tuple(robots), first_room(scenario), units, gate, site or Site()
+    )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from maipp.engine.decision import Planner
 
 # A standardised threshold below anything that a belief rules out: the whole area is of interest.
-_EVERYTHING = -4.0
+EVERYTHING = -4.0
 # A place is ruled out where the mean lies this many times its standard deviation below the threshold. The paper's 1,
 # but where the threshold lies high above the prior mean so much that the unknown counts as possibly high, as there.
 _PAPER_BETA, _PRIOR_BETA = 1.0, 2.0
@@ -206,7 +206,7 @@ def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
 def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[str, float]:
     """The threshold in standardised values, and the confidence that rules places out."""
     if survey.threshold is None:
-        return {"threshold": _EVERYTHING, "beta": _PAPER_BETA}
+        return {"threshold": EVERYTHING, "beta": _PAPER_BETA}
     threshold = float(frame.to_domain_values(survey.threshold))
     if abs(threshold) > 100:
         raise InputError(
