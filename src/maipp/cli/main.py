@@ -30,7 +30,7 @@ COMMANDS = {
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
     "live": Command("Live", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
     "result": Command(
-        "Result", True, "write what a survey took home: map, samples, report, from its journal or record"
+        "Result", True, "write what a survey took home, from its journal or record: map, samples, report"
     ),
     "planners": Command("Planners", True, "list the planners and their options"),
     "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),

@@ -55,7 +55,7 @@ class Place:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, texts and lists, ready for JSON."""
-        frame, site, prior = self.units.frame, self.site, self.prior
+        frame, site = self.units.frame, self.site
         return {
             "title": site.title,
             "scenario": self.scenario.to_dict(),
@@ -68,9 +68,7 @@ class Place:
             "threshold": site.threshold,
             "area": site.area,
             "no_go": site.no_go,
-            "prior": None
-            if prior is None
-            else {**_columns(prior.x), "value": prior.y.tolist(), "noise": prior.noise.tolist()},
+            "prior": None if self.prior is None else _columns(self.prior),
         }
 
 
@@ -86,7 +84,7 @@ def place_of(world: World, setup: Setup) -> Place:
 
 
 def place_in(mission: PreparedSurvey | Scenario, seed: int, epoch: float) -> Place:
-    """The place of a live survey of this mission, for a journal that does not hold it; `seed` draws starts left open."""
+    """The place of a live survey of this mission, for a journal without it; `seed` draws starts left open."""
     if isinstance(mission, Scenario):
         scenario, units, prior = mission, Units(mission.extent, epoch=epoch), None
         gate, site = LEVEL, Site()
@@ -132,5 +130,6 @@ def _read_ring(key: Value) -> Ring:
     return key.fit(_Ring)
 
 
-def _columns(points: Float[np.ndarray, "p 2"]) -> dict[str, list[float]]:
-    return {"x": points[:, 0].tolist(), "y": points[:, 1].tolist()}
+def _columns(prior: Prior) -> dict[str, list[float]]:
+    (x, y), value, noise = prior.x.T.tolist(), prior.y.tolist(), prior.noise.tolist()
+    return {"x": x, "y": y, "value": value, "noise": noise}

@@ -19,8 +19,8 @@ from maipp.live.journal import Journal
 from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe, pack
-from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.place import place_of
+from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
 from maipp.live.site import Site
 from maipp.live.units import Units
@@ -113,10 +113,8 @@ class LiveSurvey:
         units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
-        scenario = prepared.scenario
-        setup = make_setup(
-            scenario, name, options, seed, prepared.names, units, prepared.survey.gate, Site.of(prepared)
-        )
+        scenario, gate, site = prepared.scenario, prepared.survey.gate, Site.of(prepared)
+        setup = make_setup(scenario, name, options, seed, prepared.names, units, gate, site)
         return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.

@@ -117,6 +117,5 @@ def make_setup(
     """The setup; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
-    return Setup(
-        name, dict(options or {}), check_seed(seed), tuple(robots), first_room(scenario), units, gate, site or Site()
-    )
+    room, settings = first_room(scenario), dict(options or {})
+    return Setup(name, settings, check_seed(seed), tuple(robots), room, units, gate, site or Site())

@@ -1,8 +1,9 @@
-"""The map of a survey: mean, standard deviation and high interest in the cells of a grid, north up, in the map's system."""
+"""The map of a survey: mean, standard deviation and high interest in the cells of a grid, north up."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
+import jax.numpy as jnp
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
@@ -30,8 +31,8 @@ class FieldMap:
     cell: tuple[float, float]  # width and height
     mean: Float[np.ndarray, "r c"]  # the caller's unit
     std: Float[np.ndarray, "r c"]
-    # 2 where the mean reaches the threshold, 1 where it does not but a value that does cannot be ruled out, 0 elsewhere;
-    # None without a threshold.
+    # 2 where the mean reaches the threshold, 1 where it only cannot be ruled out that the value does, 0 elsewhere; None
+    # without a threshold.
     interest: Float[np.ndarray, "r c"] | None
 
     @cached_property
@@ -63,7 +64,7 @@ def field_map(taken: Taken, cells: int = CELLS) -> FieldMap:
     inside = _inside(taken, user, points)
     mean, std = _asked(taken, points[inside])
     scenario = taken.episode.scenario
-    bound = np.asarray(interest_of(scenario).bound(mean, std**2))
+    bound = np.asarray(interest_of(scenario).bound(jnp.asarray(mean), jnp.asarray(std**2)))
     interest = 1.0 * (bound >= scenario.threshold) + (mean >= scenario.threshold)
 
     def spread(values: np.ndarray) -> Float[np.ndarray, "r c"]:

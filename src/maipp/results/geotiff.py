@@ -48,7 +48,7 @@ def write_geotiff(path: str | os.PathLike[str], drawn: FieldMap, unit: str | Non
                 height=rows,
                 count=len(layers),
                 crs=None if drawn.crs.name is None else rasterio.crs.CRS.from_user_input(drawn.crs.name),
-                transform=rasterio.transform.from_origin(drawn.west, drawn.north, *drawn.cell),
+                transform=rasterio.Affine(drawn.cell[0], 0.0, drawn.west, 0.0, -drawn.cell[1], drawn.north),
                 **profile,
             ) as file:
                 file.update_tags(AREA_OR_POINT="Area")

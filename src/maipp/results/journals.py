@@ -102,7 +102,7 @@ def _robots(record: Record) -> tuple[TakenRobot, ...]:
 
 def _status(robot: Robot) -> str:
     if robot.status == WAITING:
-        return "never reported that it set out"
+        return "only measured, and asked for no way" if robot.measured else "never reported that it set out"
     if robot.status == GONE:
         return "reported gone"
     if robot.status == STOPPED:
@@ -111,12 +111,15 @@ def _status(robot: Robot) -> str:
 
 
 def _travelled(record: Record, number: int) -> float:
-    """Way travelled at the last report: as the odometer said, or on from the last arrival through what was reported."""
+    """Way travelled, as the odometer said last; of a robot that tells none, through the places that it reported."""
     robot = record.robots[number]
+    told = [way for _, way in robot.measured if way >= 0]
+    if told:
+        return max(robot.odometer, *told)
     later = sorted(fix for fix in record.fixes[number] if fix.time > robot.time)
     way = np.array([robot.position, *((fix.x, fix.y) for fix in later)])
     since = float(np.hypot(*np.diff(way, axis=0).T).sum())
-    return max(robot.odometer + since, *(told for _, told in robot.measured), 0.0)
+    return robot.odometer + since
 
 
 def _episode(record: Record, slots: Slots) -> Episode:

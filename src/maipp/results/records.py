@@ -98,10 +98,9 @@ def _belief(episode: Episode) -> Beliefs:
     )
     mission = jax.tree.map(lambda a: a[0], drawn)
     counts = [len(agent.measurement_y) for agent in episode.agents]
-    x, y, time = (
-        np.concatenate([getattr(agent, f"measurement_{name}") for agent in episode.agents])
-        for name in ("x", "y", "time")
-    )
+    x = np.concatenate([agent.measurement_x for agent in episode.agents])
+    y = np.concatenate([agent.measurement_y for agent in episode.agents])
+    time = np.concatenate([agent.measurement_time for agent in episode.agents])
     by = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
     room = max(-len(y) % 64, 64 - len(y))  # numbers of slots, each of which is compiled for, are few
     slots = Slots(

@@ -17,8 +17,8 @@ _GIVE = "give the journal of a `maipp live`, or an episode.json or its folder"
 def read_taken(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario | None = None) -> Taken:
     """What the survey of a journal, an episode.json or its folder took home.
 
-    `mission` is for a journal of an earlier version, which does not hold it. Raises `InputError`, one line with the path, for a file that is
-    neither, or damaged.
+    `mission` is for a journal of an earlier version, which does not hold it. Raises `InputError`, one line with the
+    path, for a file that is neither, or damaged.
     """
     file = source_file(path)
     try:

@@ -21,8 +21,9 @@ def sentences(told: dict[str, Any]) -> list[str]:
     counts += f", of which {out} {'does' if out == 1 else 'do'} not count" if out else ""
     earlier = samples["before_the_survey"]
     lines = [counts + (f"; besides {_plural(earlier, 'sample')} from before the survey." if earlier else ".")]
+    before = f"{number(left['std_before'])}{unit} before the survey"
     lines.append(
-        f"Uncertainty left: {number(left['std'])}{unit} instead of {number(left['std_before'])}{unit} before the survey "
+        f"Uncertainty left: {number(left['std'])}{unit} instead of {before} "
         f"(standard deviation of the map, root mean square over the area); Tr(P) {number(left['trace'])}, "
         f"{percent(left['trace'], left['trace_before'])} of {number(left['trace_before'])}."
     )
@@ -37,8 +38,8 @@ def sentences(told: dict[str, Any]) -> list[str]:
     if interest["threshold"] is not None:
         possible = interest["not_ruled_out"] - interest["predicted"]
         lines.append(
-            f"By the map {percent(interest['predicted'], 1)} of the area is of interest ({interest['side']} "
-            f"{setting(interest['threshold'])}{unit}); of another {percent(possible, 1)} that cannot be ruled out."
+            f"By the map {percent(interest['predicted'], 1.0)} of the area is of interest ({interest['side']} "
+            f"{setting(interest['threshold'])}{unit}); of another {percent(possible, 1.0)} that cannot be ruled out."
         )
     homes = [robot["came_home"] for robot in told["robots"] if robot["came_home"] is not None]
     if homes:
@@ -51,7 +52,7 @@ def robot_rows(told: dict[str, Any]) -> list[tuple[str, ...]]:
     units = told["units"]
     seconds = units["time"] == "s"
     heading = ("robot", f"budget ({units['length']})", f"travelled ({units['length']})", "of budget")
-    rows = [(*heading, "minutes" if seconds else "time", "samples", "came home", "status")]
+    rows: list[tuple[str, ...]] = [(*heading, "minutes" if seconds else "time", "samples", "came home", "status")]
     for robot in told["robots"]:
         rows.append(
             (

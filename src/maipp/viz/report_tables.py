@@ -13,9 +13,9 @@ from maipp.viz.style import agent_colour, agent_line
 
 # Said once in each report and result.
 TRACE = (
-    "Uncertainty left, Tr(P): the sum, over the points of a grid where values of interest cannot be ruled out yet, of the "
-    "variance there: the square of how far the map may be off, 1 for a point of which nothing is known. It falls as robots "
-    "measure; 0 would be a map that is certain."
+    "Uncertainty left, Tr(P): the sum, over the points of a grid where values of interest cannot be ruled out yet, of "
+    "the variance there: the square of how far the map may be off, 1 for a point of which nothing is known. It falls "
+    "as robots measure; 0 would be a map that is certain."
 )
 _DASH_ARRAYS = {"-": "none", (0, (5, 1.5)): "6 3", (0, (1, 1)): "2 3"}
 
