@@ -62,9 +62,10 @@ def degrees(place):
 
 def reports():
     for name, rows in (("one", ONE), ("two", TWO)):
-        for index, (place, value) in enumerate(rows):
-            event = {"event": "measurement", "id": f"{name}-{index}", "robot": name, "time": EPOCH + 100.0 * (index + 1)}
-            yield event | {"position": degrees(place), "value": value, "travelled": 250.0 * (index + 1)}
+        for number, (place, value) in enumerate(rows):
+            event = {"event": "measurement", "id": f"{name}-{number}", "robot": name, "position": degrees(place)}
+            time, travelled = EPOCH + 100.0 * (number + 1), 250.0 * (number + 1)
+            yield event | {"value": value, "time": time, "travelled": travelled}
 
 
 @pytest.fixture(scope="module")
@@ -202,8 +203,8 @@ def recorded(expected=False):
     counts = np.array([len(agent.measurement_y) for agent in agents])
     agents = tuple(dataclasses.replace(agent, known=counts) for agent in agents)
     there = GeoReference((0.0, 0.0), (2000.0, 1000.0), (1.0, 0.5), 5.0, 15.0, value_name="salt (g/L)")
-    values = by_hand.bump(grid)
-    return Episode(by_hand.SCENARIO, "by-hand", {}, 0, 0, agents, values, np.ones(81, bool), 0, there, expected=expected)
+    told = agents, by_hand.bump(grid), np.ones(81, bool), 0, there
+    return Episode(by_hand.SCENARIO, "by-hand", {}, 0, 0, *told, expected=expected)
 
 
 def test_a_record_gives_the_same_files(tmp_path, capsys):

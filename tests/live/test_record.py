@@ -7,10 +7,11 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.live.journal import Journal, read_journal
-from maipp.live.place import place_of, read_place
+from maipp.live.place import mission_of, place_of, read_place
 from maipp.live.record import read_record
 from maipp.records import Value
 from maipp.results import read_taken, write_result
+from maipp.scenario import Scenario
 from tests.live.events import arrived, measured
 
 PRIOR = np.array([[0.9, 0.1], [0.2, 0.2]]), np.array([0.5, -1.0])
@@ -58,6 +59,12 @@ def test_the_place_comes_back_from_the_header(make):
             read_place(Value(written | {key: "?"} if key != "title" else {**written, key: 3}), 7.0)
 
 
+def test_a_start_on_the_border_stays_inside_in_single_precision():
+    scenario = Scenario(agents=1, extent=(1.0, 0.3), start=(1.0, 0.3), grid=4, nodes=6, neighbours=3)
+    start = np.array([[1.0, 0.3]], np.float32)  # 0.3 becomes 0.30000001
+    assert float(start[0, 1]) > 0.3 and mission_of(scenario, start, None, None).start.shape == (1, 2)
+
+
 def test_a_result_of_a_scenario_is_in_its_own_units(flown, tmp_path):
     pytest.importorskip("rasterio")
     _, path = flown
@@ -66,7 +73,8 @@ def test_a_result_of_a_scenario_is_in_its_own_units(flown, tmp_path):
     assert told["units"]["length"] == "domain units" and told["map"]["crs"] is None and told["map"]["cells"] == [10, 10]
     assert one["travelled"] == pytest.approx(1.2, abs=1e-4) and one["budget"] == 1.5 and one["came_home"] is None
     assert two["status"] == "reported gone" and one["status"] == "stopped: budget used up"
-    assert told["samples"]["counted"] == 12 and told["samples"]["taken"] == 13  # 1.2 / 0.2 for each robot, and the spike
+    # 1.2 / 0.2 for each robot, and the spike.
+    assert told["samples"]["counted"] == 12 and told["samples"]["taken"] == 13
 
 
 def test_nothing_measured_yet_is_a_result_too(make, tmp_path):
@@ -74,8 +82,8 @@ def test_nothing_measured_yet_is_a_result_too(make, tmp_path):
     with make(tmp_path / "j") as survey:
         survey.handle(arrived("a"))
         told = write_result(read_taken(tmp_path / "j"), tmp_path / "out", cells=10).numbers
-    left = told["uncertainty_left"]
-    assert left["share"] == 1.0 and told["samples"] == {"taken": 0, "counted": 0, "before_the_survey": 0, "kept_out": []}
+    assert told["uncertainty_left"]["share"] == 1.0
+    assert told["samples"] == {"taken": 0, "counted": 0, "before_the_survey": 0, "kept_out": []}
     assert told["robots"][1]["status"] == "never reported that it set out"
 
 

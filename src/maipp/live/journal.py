@@ -136,7 +136,10 @@ def checked(content: bytes, path: Path) -> tuple[list[dict[str, Any]], bytes]:
         chain = _checksum(chain, body)
         if line[len(_PREFIX) : _HEAD - 2] != chain:
             raise InputError(f"{where} is damaged, or lines before it are missing; put back a copy of the file")
-        records.append(json.loads(b"{" + body))
+        try:
+            records.append(json.loads(b"{" + body))
+        except (ValueError, RecursionError):
+            raise InputError(f"{where} is no JSON; put back a copy of the file, or give another one") from None
     return records, chain
 
 

@@ -46,12 +46,9 @@ class Place:
 
     def mission(self) -> Mission:
         """The unbatched mission that beliefs are of: the live survey's, without roadmaps and homes."""
-        starts = [tuple(start) for start in self.starts.tolist()]
-        scenario = self.scenario.replace(start=starts, end=None)
         prior = self.prior
         samples, noise = (None, None) if prior is None else ((prior.x, prior.y), prior.noise)
-        drawn = draw_missions(scenario, seed=0, instances=1, roadmaps=False, prior=samples, prior_noise=noise)
-        return jax.tree.map(lambda a: a[0], drawn)
+        return mission_of(self.scenario, self.starts, samples, noise)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, texts and lists, ready for JSON."""
@@ -70,6 +67,20 @@ class Place:
             "no_go": site.no_go,
             "prior": None if self.prior is None else _columns(self.prior),
         }
+
+
+def mission_of(
+    scenario: Scenario,
+    starts: Float[np.ndarray, "m 2"],
+    prior: tuple[np.ndarray, np.ndarray] | None,
+    noise: np.ndarray | None,
+) -> Mission:
+    """The unbatched mission that beliefs are of, without roadmaps and homes; `noise` is that of the `prior` samples."""
+    # In single precision a start on the border may lie outside.
+    inside = np.clip(starts.astype(np.float64), 0.0, scenario.extent)
+    scenario = scenario.replace(start=[tuple(start) for start in inside.tolist()], end=None)
+    drawn = draw_missions(scenario, seed=0, instances=1, roadmaps=False, prior=prior, prior_noise=noise)
+    return jax.tree.map(lambda a: a[0], drawn)
 
 
 def place_of(world: World, setup: Setup) -> Place:

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import jax
 import numpy as np
@@ -19,13 +19,17 @@ from maipp.live.place import Place, place_in, read_place
 from maipp.live.request import PROTOCOL
 from maipp.live.robots import Robot
 from maipp.live.world import make_gate
-from maipp.records import Value
+from maipp.records import Length, Value, Within
+from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
 # What planners announce and remember is of no use to the result, and its form only they know.
 _NOTHING: tuple[Any, Any] = ((), ())
+
+_Way = Annotated[float, Within(0, wide=True)]
+_Leg = Annotated[tuple[tuple[Finite, Finite], ...], Length(1)]
 
 
 class Fix(NamedTuple):
@@ -72,26 +76,36 @@ def read_record(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario
     protocol = header.get("journal")
     if protocol != PROTOCOL:
         raise InputError(f"{path}: a journal of the protocol {protocol!r:.60}; this version reads {PROTOCOL}")
-    names = head["robots"].fit(tuple[str, ...])
+    names, epoch = head["robots"].fit(tuple[str, ...]), head["epoch"].fit(Finite)
     if "place" in head:
         if mission is not None:
             raise InputError(f"{path}: the journal holds its own mission; leave out --mission")
-        place = read_place(head["place"], head["epoch"].fit(float))
+        place = read_place(head["place"], epoch)
     elif mission is not None:
-        place = place_in(mission, head["seed"].fit(int), head["epoch"].fit(float))
+        place = place_in(mission, head["seed"].fit(int), epoch)
     else:
         raise InputError(f"{path}: a journal of an earlier version, without its mission; give that: --mission FILE")
-    if len(names) != place.scenario.agents or len(set(names)) != len(names):
-        raise InputError(f"{path}: robots {', '.join(names)[:80]}; the mission has {place.scenario.agents}")
+    count = place.scenario.agents
+    if len(names) != count or len(set(names)) != len(names):
+        raise InputError(f"{path}: {len(set(names))} robots with names of their own; the mission has {count}")
     record = _begun(place, names, head, torn)
     for number, values in enumerate(records, start=2):
-        _take(record, Value(values, f"{path}: line {number}"))
+        where = f"{path}: line {number}"
+        try:
+            _take(record, Value(values, where))
+        except InputError as error:
+            told = str(error)
+            raise InputError(told if told.startswith(where) else f"{where}: {told}") from None
     return record
 
 
 def _begun(place: Place, names: tuple[str, ...], head: Value, torn: int) -> Record:
     """The record of a survey in which nothing has happened."""
-    mission, scenario = place.mission(), place.scenario
+    scenario = place.scenario
+    try:
+        mission = place.mission()
+    except InputError as error:
+        raise InputError(f"{head.source}: line 1: place: {error}") from None
     real = np.dtype(jax.dtypes.canonicalize_dtype(float))
     rows = zip(names, place.starts, scenario.speeds, scenario.budgets, strict=True)
     return Record(
@@ -113,9 +127,9 @@ def _take(record: Record, values: Value) -> None:
     event: Event = read_event(values["event"].mapping(), record.names)
     if isinstance(event, Heard):
         event = dataclasses.replace(event, packed="")
-    answer, state = values["answer"].mapping(), None
+    answer, state = _read_answer(values["answer"]), None
     if isinstance(event, Arrived) or "state" in values:
-        state = values["state"].mapping() | {"message": "", "memory": ""}
+        state = _read_state(values["state"])
     inner = inside(event, record.place.units, _NOTHING, record.place.gate > 0)
     number = record.names.index(event.robot)
     changed = effect(event, inner, (number, record.robots[number]), answer, state, _NOTHING)
@@ -127,3 +141,18 @@ def _take(record: Record, values: Value) -> None:
         record.measurements.decide(event.measurement, changed.decision)
     if isinstance(event, Arrived | Measurement | Heard):
         record.fixes[number].append(Fix(inner["time"], *inner["position"].tolist()))
+
+
+def _read_answer(key: Value) -> dict[str, Any]:
+    """What of an answer the record is made of."""
+    known = {"answer": str, "surprise": Finite, "reason": str}
+    return {name: key[name].fit(kind) for name, kind in known.items() if name in key}
+
+
+def _read_state(key: Value) -> dict[str, Any]:
+    """What an arrival changed, without what its planner announces and remembers."""
+    if "late" in key.mapping():
+        return {"late": key["late"].fit(_Way) if "late" in key else None}
+    numbers = {name: key[name].fit(_Way) for name in ("odometer", "planned")}
+    homeward = key["homeward"].fit(bool) if "homeward" in key else False
+    return {**numbers, "leg": key["leg"].fit(_Leg), "homeward": homeward, "message": "", "memory": ""}

@@ -3,14 +3,13 @@
 import os
 from pathlib import Path
 
-import jax
 import numpy as np
 
-from maipp.engine import draw_missions
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import read_episode
 from maipp.live.believe import believe
 from maipp.live.measurements import Slots
+from maipp.live.place import mission_of
 from maipp.results.taken import Beliefs, Taken, TakenRobot, TakenSample, from_home
 from maipp.surveys.standardise import EVERYTHING
 
@@ -87,16 +86,10 @@ def _robots(episode: Episode, names: tuple[str, ...]) -> tuple[TakenRobot, ...]:
 
 def _belief(episode: Episode) -> Beliefs:
     """The belief from all that was measured, asked as that of a live survey is."""
-    prior, starts = episode.prior, [tuple(float(each) for each in agent.start) for agent in episode.agents]
-    drawn = draw_missions(
-        episode.scenario.replace(start=starts, end=None),
-        seed=0,
-        instances=1,
-        roadmaps=False,
-        prior=None if prior is None else (np.asarray(prior.x), np.asarray(prior.y)),
-        prior_noise=None if prior is None or prior.noise is None else np.asarray(prior.noise),
-    )
-    mission = jax.tree.map(lambda a: a[0], drawn)
+    prior, starts = episode.prior, np.stack([agent.start for agent in episode.agents])
+    samples = None if prior is None else (np.asarray(prior.x), np.asarray(prior.y))
+    noise = None if prior is None or prior.noise is None else np.asarray(prior.noise)
+    mission = mission_of(episode.scenario, starts, samples, noise)
     counts = [len(agent.measurement_y) for agent in episode.agents]
     x = np.concatenate([agent.measurement_x for agent in episode.agents])
     y = np.concatenate([agent.measurement_y for agent in episode.agents])
