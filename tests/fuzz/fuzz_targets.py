@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 from fuzz_check import Failure, Target
+from fuzz_journals import JOURNAL_TARGETS
 from fuzz_surveys import SURVEY_TARGETS
 
 from maipp.engine.episode_io import read_episode, write_episode
@@ -225,4 +226,4 @@ TARGETS: dict[str, Target] = {
     "weights-tensors": Target(".safetensors", _tensors, lambda: [_weights()[0]], (b"F16", b"BF16", b"I64"), slice=100),
 }
 
-TARGETS |= SURVEY_TARGETS
+TARGETS |= SURVEY_TARGETS | JOURNAL_TARGETS

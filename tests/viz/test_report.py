@@ -66,6 +66,9 @@ def page(episode):
         prior_x=np.array([[0.2, 0.1]]),
         prior_y=np.array([7.0]),
         warnings=("no earlier samples: the length scale is a guess",),
+        summary=("All <came> home.",),
+        homes=("yes", "no, 20 m away"),
+        kept_out=(("sample", "why"), ("b-3", "<spike>")),
     )
     return Page(report_html(report))
 
@@ -109,6 +112,19 @@ def test_the_table_has_a_row_for_every_robot_in_metres_and_minutes(page, episode
         assert int(cells["Decisions"]) == agent.decisions
 
 
+def test_the_result_of_a_survey_is_told(page):
+    head, one, two, *others = page.rows
+    assert [row[head.index("Came home")] for row in (one, two)] == ["yes", "no, 20 m away"]
+    assert others[0] == ["sample", "why"] and others[1][:2] == ["b-3", "<spike>"]
+    assert "All <came> home." in page.words and "Samples that do not count" in page.words
+    assert sum("Uncertainty left, Tr(P)" in words for words in page.words) == 1
+
+
+def test_homes_are_one_per_robot(episode):
+    with pytest.raises(InputError, match="homes: 1 for 2 robots"):
+        SurveyReport(episode, homes=("yes",))
+
+
 def test_nothing_is_loaded_from_elsewhere(page):
     for tag, attributes in page.elements:
         for name in ("src", "href", "srcset", "data", "action"):
@@ -122,7 +138,8 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 def test_names_can_hold_anything(episode):
     there = dataclasses.replace(episode.geo, x_name=NASTY, value_name=f"{NASTY} ({NASTY})")
-    report = SurveyReport(episode, title=NASTY, names=(NASTY, "b"), reference=there, warnings=(NASTY,))
+    told = {"summary": (NASTY,), "homes": (NASTY, "yes"), "kept_out": ((NASTY,), (NASTY,))}
+    report = SurveyReport(episode, title=NASTY, names=(NASTY, "b"), reference=there, warnings=(NASTY,), **told)
     text = report_html(report)
     found = Page(text)
     assert found.data["robots"][0]["name"] == NASTY

@@ -77,7 +77,7 @@ def _open(flags: Live) -> "LiveSurvey":
     from maipp.surveys.survey_io import load_survey
 
     options = assignments(flags.settings)
-    if _is_mission(flags.mission):
+    if is_mission(flags.mission):
         if flags.adapt:
             raise InputError(f"--adapt: {flags.mission} is a mission file; give kernel: {{adapt: true}} in it")
         prepared = prepare(load_survey(flags.mission), planner=flags.planner, planner_options=options)
@@ -95,7 +95,7 @@ def _open(flags: Live) -> "LiveSurvey":
     )
 
 
-def _is_mission(path: Path) -> bool:
+def is_mission(path: Path) -> bool:
     """Whether the file has keys that only missions have; one that cannot be read is left to the scenario's reader."""
     try:
         text = path.read_text(encoding="utf-8-sig")

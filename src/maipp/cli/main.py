@@ -29,6 +29,9 @@ COMMANDS = {
     "benchmark": Command("Benchmark", True, "regenerate the paper's tables and figures, and measure speed"),
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
     "live": Command("Live", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
+    "result": Command(
+        "Result", True, "write what a survey took home, from its journal or record: map, samples, report"
+    ),
     "planners": Command("Planners", True, "list the planners and their options"),
     "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),

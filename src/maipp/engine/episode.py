@@ -83,6 +83,7 @@ class Episode:
     reference: GeoReference | None = None  # to the coordinates and units of the field's file, or of a survey's user
     recorded: EpisodeMetrics | None = field(default=None, repr=False)  # metrics as read from a file
     prior: PriorSamples | None = None  # samples taken before the survey, which all beliefs are conditioned on
+    expected: bool = False  # the truth is only what was expected before the survey, which is planned, not measured
 
     @classmethod
     def from_state(

@@ -53,6 +53,7 @@ def dump_episode(episode: Episode) -> str:
         },
         "message_bytes": episode.message_bytes,
         **({} if episode.prior is None else {"prior": _prior(episode.prior)}),
+        **({"expected": True} if episode.expected else {}),
         "agents": [_agent(agent) for agent in episode.agents],
         "truth": _plain(episode.truth.reshape(side, side)),
         "outside": np.flatnonzero(~episode.inside).tolist(),
@@ -93,6 +94,7 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
         message_bytes=record["message_bytes"].fit(_Whole),
         reference=read_reference(record["mapping"], scenario),
         prior=_read_prior(record["prior"], real) if "prior" in record.mapping() else None,
+        expected=record["expected"].fit(bool) if "expected" in record.mapping() else False,
         recorded=EpisodeMetrics(
             trace=metrics["trace"].fit(Finite),
             own_trace=numbers(metrics["own_trace"], real, team),

@@ -32,11 +32,12 @@ def read_reference(key: Value, scenario: Scenario) -> GeoReference | None:
         zero,
         one,
         *names,
-        plane=_crs(key["plane"]) if "plane" in key.mapping() else PLANE,
-        user=_crs(key["user"]) if "user" in key else None,
+        plane=read_system(key["plane"]) if "plane" in key.mapping() else PLANE,
+        user=read_system(key["user"]) if "user" in key else None,
         metres_per_unit=key["metres_per_unit"].fit(Above0 | None) if "metres_per_unit" in key else None,
     )
 
 
-def _crs(key: Value) -> Crs:
+def read_system(key: Value) -> Crs:
+    """The coordinate reference system that `Crs.to_dict` wrote."""
     return Crs(key["crs"].fit(str | None), key["geographic"].fit(bool), key["metres"].fit(Above0 | None))

@@ -24,6 +24,10 @@ class Crs:
         """Whether it is known where on Earth a position is."""
         return self.name is not None
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and texts, ready for JSON."""
+        return {"crs": self.name, "geographic": self.geographic, "metres": self.metres}
+
     def __str__(self) -> str:
         if self.name is None:
             return "no coordinate reference system"

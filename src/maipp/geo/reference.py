@@ -163,6 +163,11 @@ class GeoReference:
         """The same place, its values with this mean and standard deviation; with `below` low ones become high."""
         return replace(self, value_at_zero=mean, value_at_one=mean - std if below else mean + std)
 
+    def shifted(self, level: float, scale: float) -> "GeoReference":
+        """The same place; where it had the values `level` and `level + scale`, it has 0 and 1."""
+        zero, one = (self.value_at_zero + at * self._span for at in (level, level + scale))
+        return replace(self, value_at_zero=zero, value_at_one=one)
+
     @property
     def for_pictures(self) -> "GeoReference":
         """The affine map to user coordinates: in degrees only near enough, as meridians are not parallel.
@@ -187,8 +192,4 @@ class GeoReference:
         """Plain numbers, texts and lists, ready for JSON; systems by their names."""
         own = {name: getattr(self, name) for name in self.__dataclass_fields__}
         plane, user = own.pop("plane"), own.pop("user")
-        return {**own, "plane": _listed(plane), "user": None if user is None else _listed(user)}
-
-
-def _listed(crs: Crs) -> dict[str, Any]:
-    return {"crs": crs.name, "geographic": crs.geographic, "metres": crs.metres}
+        return {**own, "plane": plane.to_dict(), "user": None if user is None else user.to_dict()}

@@ -6,8 +6,8 @@ import numpy as np
 
 from maipp.engine import Mission
 from maipp.engine.observe import belief_near, with_prior
-from maipp.live.measurements import Measurements
-from maipp.live.world import World
+from maipp.live.kernel import under
+from maipp.live.measurements import Measurements, Slots
 from maipp.typing import Array, Bool, Float
 
 # Fewest points that are asked together; other numbers are filled up to a power of two, each a shape to compile for.
@@ -26,22 +26,25 @@ def _moments(
     return belief.mean, belief.std
 
 
-def known(world: World, measurements: Measurements) -> World:
-    """The world under the kernel that the measurements have been found to have."""
-    kernel = measurements.kernel
-    return world if kernel is None else world.under(kernel)
-
-
-def believe(
-    world: World, measurements: Measurements, points: Float[np.ndarray, "p 2"]
+def moments(
+    mission: Mission, slots: Slots, points: Float[np.ndarray, "p 2"]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Mean and standard deviation at domain positions, the mission's standardised values: a function of the
-    measurements alone."""
-    slots, (level, scale) = measurements.slots(), measurements.standard
+    """Mean and standard deviation at domain positions, by the mission's kernel and in its standardised values."""
     count = len(points)
     filled = np.minimum(np.arange(1 << max(count - 1, _FEWEST - 1).bit_length()), count - 1)
     x, y, mask, asked = jax.device_put((slots.x, slots.y, slots.mask, points.astype(slots.x.dtype)[filled]))
-    mean, std = jax.device_get(_moments(known(world, measurements).mission, x, y, mask, asked))
-    if measurements.kernel is None:
-        return mean[:count], std[:count]
-    return mean[:count] * np.float32(scale) + np.float32(level), std[:count] * np.float32(scale)
+    mean, std = jax.device_get(_moments(mission, x, y, mask, asked))
+    return mean[:count], std[:count]
+
+
+def believe(
+    mission: Mission, measurements: Measurements, points: Float[np.ndarray, "p 2"]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Mean and standard deviation at domain positions, the mission's standardised values, by the kernel that the
+    measurements have been found to have: a function of them alone."""
+    kernel, slots = measurements.kernel, measurements.slots()
+    if kernel is None:
+        return moments(mission, slots, points)
+    level, scale = (np.array(number, slots.y.dtype) for number in measurements.standard)
+    mean, std = moments(under(mission, measurements.guess, kernel), slots, points)
+    return mean * scale + level, std * scale

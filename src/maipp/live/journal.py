@@ -8,9 +8,8 @@ opened again, since nobody was answered from it. One process at a time holds the
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from maipp.errors import InputError
 from maipp.files import sync_folder
@@ -40,9 +39,8 @@ class Journal:
             if new:
                 sync_folder(self.path.parent)
             content = self._read()
-            self._chain = b""
-            self.records = list(self._checked(content))
-            self._size = len(content)
+            self.records, self._chain = checked(content, self.path)
+            self._count, self._size = len(self.records), len(content)
         except BaseException:
             self.close()
             raise
@@ -103,20 +101,46 @@ class Journal:
             os.fsync(self._file)
         return whole
 
-    def _checked(self, content: bytes) -> Iterator[dict[str, Any]]:
-        self._count = 0
-        for line in content.split(b"\n")[:-1]:
-            where = f"{self.path}: line {self._count + 1}"
-            body = line[_HEAD:]
-            if not (line.startswith(_PREFIX) and line[_HEAD - 2 : _HEAD] == b'",'):
-                raise InputError(f"{where} is no line of a journal; put back a copy of the file, or give another one")
-            chain = _checksum(self._chain, body)
-            if line[len(_PREFIX) : _HEAD - 2] != chain:
-                raise InputError(f"{where} is damaged, or lines before it are missing; put back a copy of the file")
-            record = json.loads(b"{" + body)
-            self._chain = chain
-            self._count += 1
-            yield record
+
+class JournalCopy(NamedTuple):
+    """What a journal held at one moment."""
+
+    records: list[dict[str, Any]]  # header first
+    torn: int  # bytes after the last whole line: one that a kill cut short, or that is being written
+
+
+def read_journal(path: str | os.PathLike[str]) -> JournalCopy:
+    """What the journal holds now: without its lock, whoever is writing to it, and without changing it.
+
+    Raises `InputError` where it cannot be read, is none, or a line is damaged.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the journal: {error.strerror or error}") from None
+    whole = content[: content.rfind(b"\n") + 1]
+    records, _ = checked(whole, Path(path))
+    if not records:
+        raise InputError(f"{path}: holds not one whole line of a journal; give the journal of a `maipp live`")
+    return JournalCopy(records, len(content) - len(whole))
+
+
+def checked(content: bytes, path: Path) -> tuple[list[dict[str, Any]], bytes]:
+    """The records of whole lines, and the checksum of the last. Raises `InputError` that names the first wrong line."""
+    records, chain = [], b""
+    for line in content.split(b"\n")[:-1]:
+        where = f"{path}: line {len(records) + 1}"
+        body = line[_HEAD:]
+        if not (line.startswith(_PREFIX) and line[_HEAD - 2 : _HEAD] == b'",'):
+            raise InputError(f"{where} is no line of a journal; put back a copy of the file, or give another one")
+        chain = _checksum(chain, body)
+        if line[len(_PREFIX) : _HEAD - 2] != chain:
+            raise InputError(f"{where} is damaged, or lines before it are missing; put back a copy of the file")
+        try:
+            records.append(json.loads(b"{" + body))
+        except (ValueError, RecursionError):
+            raise InputError(f"{where} is no JSON; put back a copy of the file, or give another one") from None
+    return records, chain
 
 
 def _checksum(chain: bytes, body: bytes) -> bytes:

@@ -116,6 +116,11 @@ class Measurements:
         return (0.0, 1.0) if kernel is None else (kernel.mean, kernel.std / self._gate.guess.std)
 
     @property
+    def guess(self) -> Hyperparameters:
+        """The mission's kernel."""
+        return self._gate.guess
+
+    @property
     def fits(self) -> Refits | None:
         """What fits the kernel; None: it stays as it is."""
         return self._gate.fits

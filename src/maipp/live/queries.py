@@ -95,7 +95,7 @@ def belief(
         answer |= {"points": units.points_out(where), "inside": world.mission.inside.tolist()}
     else:
         where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
-    mean, std = believe(world, measurements, where)
+    mean, std = believe(world.mission, measurements, where)
     return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
 
 

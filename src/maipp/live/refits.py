@@ -2,13 +2,15 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from maipp.belief.refit import FEWEST, Hyperparameters, HyperPrior, refit
 from maipp.live.sample import Sample
 from maipp.live.seen import Seen
+from maipp.records import Length
+from maipp.records.kinds import Finite
 
 _GROWTH = 1.1  # from one fit to the next there are so many times as many measurements, or one more
 # Where nothing is known of the mean and the deviation, the first so many values tell them until there is a fit.
@@ -58,6 +60,11 @@ class Refits:
         return self.known[name]
 
 
+# By the digest of what it is of, mean, standard deviation, length scale, noise, aspect, direction, measurements.
+_Fit = Annotated[tuple[Finite, ...], Length(len(Hyperparameters._fields), len(Hyperparameters._fields))]
+Fits = dict[str, _Fit]
+
+
 def written(refits: Refits | None) -> dict[str, Any]:
     """The fits that the journal does not yet hold, as a part of a record; they count as written from now on."""
     if refits is None or not refits.fresh:
@@ -67,11 +74,12 @@ def written(refits: Refits | None) -> dict[str, Any]:
     return {"kernels": fits}
 
 
-def take_up(refits: Refits | None, record: Mapping[str, Any]) -> None:
+def take_up(refits: Refits | None, fits: Mapping[str, Any]) -> None:
     """Remember the fits of a record, so that they are not made again."""
     if refits is not None:
-        for name, values in record.get("kernels", {}).items():
-            refits.known[name] = Hyperparameters(*values)
+        for name, values in fits.items():
+            kernel = Hyperparameters(*values)
+            refits.known[name] = kernel._replace(measurements=int(kernel.measurements))
 
 
 def _counts() -> frozenset[int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from maipp.belief import Interest
 from maipp.engine.found import area_found
-from maipp.live.believe import believe, known
+from maipp.live.believe import believe
 from maipp.live.simulate import simulate
 from maipp.live.survey import LiveSurvey
 from maipp.surveys.standardise import PreparedSurvey
@@ -41,8 +41,8 @@ def _rehearsed(prepared: PreparedSurvey, field: Any, seed: int) -> dict[str, flo
         simulate(survey, truth, seed)
         world, measurements = survey.world, survey._measurements
         grid, inside = np.asarray(world.mission.grid), np.asarray(world.mission.inside)
-        mean, std = believe(world, measurements, grid)
-        problem, (level, scale) = known(world, measurements).mission.problem, measurements.standard
+        mean, std = believe(world.mission, measurements, grid)
+        problem, (level, scale) = world.known(measurements.kernel).mission.problem, measurements.standard
         interest = Interest(problem.threshold, problem.beta, problem.interest_rule)
         values, threshold = truth(grid), prepared.scenario.threshold
         area = area_found(values >= threshold, mean >= threshold, inside)

@@ -14,7 +14,6 @@ from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
 from maipp.live.arrival import Arrival, Made, decide_arrival, turn_home
-from maipp.live.believe import known
 from maipp.live.effects import Effect, effect, inside
 from maipp.live.events import Arrived, Budget, Event, Keep, Measurement, Withdraw, fingerprint, read_event, write_event
 from maipp.live.gate import LEVEL
@@ -22,9 +21,11 @@ from maipp.live.journal import Journal
 from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe, pack
+from maipp.live.place import place_of
 from maipp.live.refits import take_up, written
 from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
+from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.live.whole import whole
 from maipp.live.world import Setup, World, draw_world, make_gate, make_setup
@@ -49,7 +50,7 @@ class LiveSurvey:
         """
         self.world, self.setup = world, setup
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
-        gate = make_gate(world, setup.gate, setup.adapt)
+        gate = make_gate(world.mission, world.scenario, setup.gate, setup.adapt)
         self._measurements = Measurements(len(setup.robots), setup.room, real, gate)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
@@ -120,8 +121,8 @@ class LiveSurvey:
         units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
         seed = prepared.survey.seed if seed is None else seed
         name, options = prepared.planner, prepared.planner_options
-        scenario = prepared.scenario
-        setup = make_setup(scenario, name, options, seed, prepared.names, units, prepared.survey.gate, prepared.adapt)
+        scenario, gate, site = prepared.scenario, prepared.survey.gate, Site.of(prepared)
+        setup = make_setup(scenario, name, options, seed, prepared.names, units, gate, prepared.adapt, site)
         world = draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise)
         return cls(dataclasses.replace(world, least_beta=prepared.least_beta), setup, journal)
 
@@ -228,7 +229,7 @@ class LiveSurvey:
     def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
         """A robot at a position; it stands for the one of its name."""
         team = [robot if each.name == robot.name else each for each in self._robots]
-        world = known(self.world, self._measurements)
+        world = self.world.known(self._measurements.kernel)
         return Arrival(world, team, self._measurements.slots(), robot, position, time, odometer)
 
     def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -334,7 +335,7 @@ class LiveSurvey:
             return
         header, where = self._header(), self._journal.path
         if not self._journal.records:
-            self._journal.append(header)
+            self._journal.append(header | {"place": place_of(self.world, self.setup).to_dict()})
             return
         found = self._journal.records[0]
         for key, mine in header.items():
@@ -344,7 +345,7 @@ class LiveSurvey:
                     f"{where}: the journal of another survey{told}; give it its own mission, or a new file"
                 )
         for record in self._journal.records[1:]:
-            take_up(self._measurements.fits, record)
+            take_up(self._measurements.fits, record.get("kernels", {}))
             event = read_event(record["event"], self.setup.robots)
             inner = inside(event, self.setup.units, self._nothing, self.setup.gate > 0)
             effect = self._effect(event, inner, record["answer"], record.get("state"))

@@ -17,8 +17,10 @@ from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.kernel import guess_of, under
 from maipp.live.refits import Refits
 from maipp.live.seen import Old
+from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -44,41 +46,27 @@ class World:
         """The planner as compiled code takes it."""
         return self.planner.on(self.mission.problem)
 
-    @property
-    def guess(self) -> Hyperparameters:
-        """The kernel of the scenario."""
-        scenario = self.scenario
-        return Hyperparameters(0.0, scenario.signal_variance**0.5, scenario.length_scale, scenario.noise)
+    def known(self, kernel: Hyperparameters | None) -> "World":
+        """The same in which the field has another kernel, by whose mean and deviation values are standardised.
 
-    def under(self, kernel: Hyperparameters) -> "World":
-        """The same in which the field has another kernel, and values are standardised by that one's mean and deviation.
-
-        All are numbers of the problem, so that nothing is compiled for them.
+        All are numbers of the problem, so that nothing is compiled for them. None: it stays as it is.
         """
-        mission, scale = self.mission, kernel.std / self.guess.std
+        if kernel is None:
+            return self
+        guess, threshold = guess_of(self.scenario), self.scenario.threshold
+        mission = under(self.mission, guess, kernel)
+        if threshold > EVERYTHING:
+            threshold = (threshold - kernel.mean) / (kernel.std / guess.std)
+        beta = max(1.0, self.least_beta * threshold) if self.least_beta else self.scenario.beta
         real = mission.grid.dtype
-        threshold = float(self.scenario.threshold)
-        threshold = threshold if threshold <= EVERYTHING else (threshold - kernel.mean) / scale
-        values = {
-            "length_scale": kernel.length_scale,
-            "noise": kernel.noise / scale**2,
-            "threshold": threshold,
-            "beta": max(1.0, self.least_beta * threshold) if self.least_beta else self.scenario.beta,
-            "warp": kernel.warp,
-        }
-        params = dataclasses.replace(mission.params, **{key: jnp.asarray(value, real) for key, value in values.items()})
-        changed: dict[str, Any] = {"params": params}
-        if mission.prior_y is not None:
-            changed["prior_y"] = (mission.prior_y - kernel.mean) / scale
-            if mission.prior_noise is not None:
-                changed["prior_noise"] = mission.prior_noise * (kernel.noise / self.guess.noise / scale**2)
-        return dataclasses.replace(self, mission=dataclasses.replace(mission, **changed))
+        interest = {"threshold": jnp.asarray(threshold, real), "beta": jnp.asarray(beta, real)}
+        params = dataclasses.replace(mission.params, **interest)
+        return dataclasses.replace(self, mission=dataclasses.replace(mission, params=params))
 
 
-def make_gate(world: World, level: float, adapt: HyperPrior | None) -> Gate:
+def make_gate(mission: Mission, scenario: Scenario, level: float, adapt: HyperPrior | None) -> Gate:
     """The gate of a survey: it judges by the kernel and the old samples that beliefs are of."""
-    mission, kernel = world.mission, world.guess
-    refits = None if adapt is None else Refits(adapt)
+    kernel, refits = guess_of(scenario), None if adapt is None else Refits(adapt)
     if mission.prior_x is None or mission.prior_y is None:
         return Gate(kernel, level, None, refits)
     noise = np.full(len(mission.prior_y), kernel.noise) if mission.prior_noise is None else mission.prior_noise
@@ -101,7 +89,7 @@ def draw_world(
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """What makes two live surveys the same one, besides the scenario: all that is in the journal's header."""
+    """What makes two live surveys the same one, besides the scenario, and what is told of the place."""
 
     planner: str  # name
     options: dict[str, Any]
@@ -111,6 +99,7 @@ class Setup:
     units: Units
     gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
     adapt: HyperPrior | None = None  # what the kernel is refitted with under way; None: it stays as it is
+    site: Site = Site()  # answers do not depend on it
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -135,6 +124,11 @@ class Setup:
         return digest.hexdigest()
 
 
+def first_room(scenario: Scenario) -> int:
+    """Measurements of each robot that there is room for at first: what budgets allow, and some more."""
+    return math.ceil(_RESERVE * scenario.measurements_per_agent)
+
+
 def make_setup(
     scenario: Scenario,
     name: str,
@@ -144,9 +138,10 @@ def make_setup(
     units: Units,
     gate: float = LEVEL,
     adapt: HyperPrior | None = None,
+    site: Site | None = None,
 ) -> Setup:
-    """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
+    """The setup; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
-    room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate, adapt)
+    room, settings = first_room(scenario), dict(options or {})
+    return Setup(name, settings, check_seed(seed), tuple(robots), room, units, gate, adapt, site or Site())

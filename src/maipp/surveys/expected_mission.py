@@ -1,5 +1,6 @@
 """The survey as it is expected to go: the simulated mission on the field that the samples lead to expect."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -47,7 +48,7 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
     episode = Episode.from_state(
         prepared.scenario, prepared.planner, options, seed, missions, states, reference=prepared.frame
     )
-    return Expected(episode, told)
+    return Expected(dataclasses.replace(episode, expected=True), told)
 
 
 def draw(

@@ -27,6 +27,7 @@ class Frames(NamedTuple):
     area: Float[np.ndarray, " k"]  # predicted high-interest area as a share of the survey area
     spread: Float[np.ndarray, " k"]  # root mean variance in that area; 0 where it is empty
     rmse: Float[np.ndarray, " k"]  # of the mean over the survey area; NaN where the truth is not known
+    expected_error: Float[np.ndarray, " k"]  # root mean variance over the survey area: the error that is to be expected
     found: Float[np.ndarray, " k"]  # share of the true high-interest area that is predicted; NaN where there is none
 
 
@@ -50,6 +51,7 @@ def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
     traces, points = np.asarray(belief.trace, np.float64), max(int(inside.sum()), 1)
     area = area_found(episode.truth >= scenario.threshold, belief.area, inside)
     unknown = np.full(len(times), np.nan)
+    variance = np.maximum(np.asarray(belief.variance, np.float64)[:, inside], 0.0)
     error = (np.asarray(belief.mean, np.float64) - episode.truth)[:, inside]
     return Frames(
         times=times,
@@ -60,6 +62,7 @@ def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
         area=np.asarray(area.predicted),
         spread=geo.to_user_std(np.sqrt(traces / np.maximum(belief.area.sum(axis=1), 1))),
         rmse=geo.to_user_std(np.sqrt((error**2).sum(axis=1) / points)) if report.truth_known else unknown,
+        expected_error=geo.to_user_std(np.sqrt(variance.sum(axis=1) / points)),
         found=np.asarray(area.both / area.true) if report.truth_known and area.true.all() else unknown,
     )
 

@@ -7,7 +7,7 @@ from typing import Any
 from maipp.errors import InputError
 from maipp.viz.report_frames import Frames
 from maipp.viz.report_survey import SurveyReport
-from maipp.viz.report_tables import escaped, facts, key_numbers, robot_table, swatch, warnings
+from maipp.viz.report_tables import escaped, facts, kept_out, key_numbers, robot_table, summary, swatch, warnings
 
 _PROGRAM = ("data.js", "traces.js", "maps.js", "curves.js", "controls.js")  # in this order
 
@@ -50,6 +50,7 @@ def page(report: SurveyReport, frames: Frames, data: dict[str, Any]) -> str:
 <main>
 <section aria-label="Key numbers">
 <h2>At the end</h2>
+{summary(report)}
 {key_numbers(report, frames)}
 </section>
 <noscript><p class="notice">The maps and the time slider need JavaScript. The tables do not.</p></noscript>
@@ -75,6 +76,7 @@ aria-label="Moment of the survey">
 <h2>Robots</h2>
 {robot_table(report)}
 </section>
+{kept_out(report)}
 </main>
 <script type="application/json" id="data">{as_json(data)}</script>
 <script>{plotly_program()}</script>

@@ -33,11 +33,16 @@ class SurveyReport:
     truth_known: bool = True  # the record's truth is one; False for a survey of the real world
     told: tuple[Told, ...] = ()  # in any order
     warnings: tuple[str, ...] = ()  # what the reader must know before trusting the numbers
+    summary: tuple[str, ...] = ()  # sentences that come first
+    homes: tuple[str, ...] = ()  # of each robot, whether it came home, in words; empty: not told
+    kept_out: tuple[tuple[str, ...], ...] = ()  # rows of the samples that do not count, their heading first
 
     def __post_init__(self) -> None:
         agents = len(self.episode.agents)
         if self.names and len(self.names) != agents:
             raise InputError(f"names: {len(self.names)} for {agents} robots; give one each, or none")
+        if self.homes and len(self.homes) != agents:
+            raise InputError(f"homes: {len(self.homes)} for {agents} robots; give one each, or none")
         seconds, there = self.seconds_per_time, self.reference
         if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
             raise InputError(f"seconds_per_time: {seconds} is not a number > 0")

@@ -11,6 +11,12 @@ from maipp.viz.report_survey import SurveyReport
 from maipp.viz.report_units import Unit, decimals, length_unit, number, percent, setting, time_unit
 from maipp.viz.style import agent_colour, agent_line
 
+# Said once in each report and result.
+TRACE = (
+    "Uncertainty left, Tr(P): the sum, over the points of a grid where values of interest cannot be ruled out yet, of "
+    "the variance there: the square of how far the map may be off, 1 for a point of which nothing is known. It falls "
+    "as robots measure; 0 would be a map that is certain."
+)
 _DASH_ARRAYS = {"-": "none", (0, (5, 1.5)): "6 3", (0, (1, 1)): "2 3"}
 
 
@@ -57,8 +63,13 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
             f"of the survey area{spread}",
         ),
     ]
-    if report.truth_known:
-        cards.append(("Error of the predicted mean", _valued(frames.rmse[-1], report), "RMSE over the survey area"))
+    expected = _valued(frames.expected_error[-1], report)
+    if not report.truth_known:
+        cards.append(
+            ("Map error", "not known", f"about {expected} is to be expected (RMSE): what the map is uncertain by")
+        )
+    else:
+        cards.append(("Map error", _valued(frames.rmse[-1], report), f"RMSE over the survey area; {expected} expected"))
         found = frames.found[-1]
         share = percent(found, 1.0) if np.isfinite(found) else "there is none"
         cards.append(("True area of high interest", share, "lies in the predicted one" if np.isfinite(found) else ""))
@@ -71,7 +82,26 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
         f'<div class="card"><dt>{name}</dt><dd><strong>{escaped(value)}</strong><span>{escaped(more)}</span></dd></div>'
         for name, value, more in cards
     )
-    return f'<dl class="cards">{items}</dl>'
+    return f'<dl class="cards">{items}</dl><p class="explained">{escaped(TRACE)}</p>'
+
+
+def summary(report: SurveyReport) -> str:
+    """The sentences that come first; nothing where there are none."""
+    return "".join(f'<p class="summary">{escaped(text)}</p>' for text in report.summary)
+
+
+def kept_out(report: SurveyReport) -> str:
+    """The samples that do not count, one row each; nothing where all do."""
+    if not report.kept_out:
+        return ""
+    heading, *lines = report.kept_out
+    head = "".join(f'<th scope="col">{escaped(text)}</th>' for text in heading)
+    rows = "".join(f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in line)}</tr>" for line in lines)
+    return (
+        '<section aria-label="Samples that do not count"><h2>Samples that do not count</h2>'
+        '<div class="scroll" tabindex="0" role="region" aria-label="Table of samples that do not count">'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></section>"
+    )
 
 
 def warnings(report: SurveyReport) -> str:
@@ -91,6 +121,7 @@ def robot_table(report: SurveyReport) -> str:
     place = ", ".join(label.partition(" (")[0].partition(",")[0] for label in (report.x_label, report.y_label))
     heads = [
         "Robot",
+        *(["Came home"] if report.homes else []),
         f"Start ({place})",
         f"Budget ({length.name})",
         f"Travelled ({length.name})",
@@ -103,6 +134,7 @@ def robot_table(report: SurveyReport) -> str:
     for index, agent in enumerate(episode.agents):
         start, end = (report.geo.to_user(place[None])[0] for place in (agent.start, agent.route[-1]))
         cells = [
+            *([report.homes[index]] if report.homes else []),
             f"{start[0]:.{digits}f}, {start[1]:.{digits}f}",
             number(agent.budget * length.factor, 4),
             number(agent.distance * length.factor, 4),

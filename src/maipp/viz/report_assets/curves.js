@@ -11,7 +11,7 @@ const curves = [
 ];
 if (data.truth)
   curves.push({
-    id: "rmse", title: "Error of the predicted mean (RMSE over the survey area)", log: false, shape: "linear",
+    id: "rmse", title: "Map error (RMSE over the survey area)", log: false, shape: "linear",
     label: data.value.unit ? `RMSE (${data.value.unit})` : `RMSE of ${data.value.name}`,
     x: data.frames.time, y: data.frames.rmse, moments: data.frames.rmse, text: data.frames.time.map(() => ""),
   });

@@ -1,0 +1,162 @@
+"""A live survey read back from its journal, without planner and mission file: what was measured, what counts of it."""
+
+import dataclasses
+import os
+from functools import cached_property
+from typing import Annotated, Any, NamedTuple
+
+import jax
+import numpy as np
+
+from maipp.engine import Mission
+from maipp.errors import InputError
+from maipp.live.believe import believe
+from maipp.live.effects import effect, inside
+from maipp.live.events import Arrived, Event, Heard, Keep, Measurement, Withdraw, read_event
+from maipp.live.journal import read_journal
+from maipp.live.measurements import Measurements
+from maipp.live.place import Place, place_in, read_place
+from maipp.live.refits import Fits, take_up
+from maipp.live.request import PROTOCOL
+from maipp.live.robots import Robot
+from maipp.live.world import make_gate
+from maipp.records import Length, Value, Within
+from maipp.records.kinds import Finite
+from maipp.scenario import Scenario
+from maipp.surveys.standardise import PreparedSurvey
+from maipp.typing import Float
+
+# What planners announce and remember is of no use to the result, and its form only they know.
+_NOTHING: tuple[Any, Any] = ((), ())
+
+_Way = Annotated[float, Within(0, wide=True)]
+_Leg = Annotated[tuple[tuple[Finite, Finite], ...], Length(1)]
+
+
+class Fix(NamedTuple):
+    """A report of where a robot was."""
+
+    time: float  # the scenario's time
+    x: float  # domain units
+    y: float
+
+
+@dataclasses.dataclass(eq=False)
+class Record:
+    """What a journal holds, taken in event by event, as the live survey did."""
+
+    place: Place
+    planner: str
+    seed: int
+    maipp: str  # the version that wrote it
+    robots: list[Robot]  # as they were at their last report; without messages
+    fixes: list[list[Fix]]  # of each robot, in the order of the journal
+    measurements: Measurements
+    reports: dict[str, tuple[Measurement, dict[str, Any]]]  # every report of a measurement, and what was answered
+    torn: int  # bytes after the last whole line
+    mission: Mission  # the belief's prior is in it
+
+    def belief(self, points: Float[np.ndarray, "p 2"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+        """Mean and standard deviation at domain positions, standardised values: what `LiveSurvey.belief` answers."""
+        return believe(self.mission, self.measurements, points)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the robots."""
+        return tuple(robot.name for robot in self.robots)
+
+
+def read_record(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario | None = None) -> Record:
+    """The live survey in a journal, which may be in use: it is neither locked nor changed.
+
+    `mission` is for a journal of an earlier version, whose header does not hold it. Raises `InputError`, one line with
+    the path, for a file that is no journal of this protocol, or damaged, and for a mission that is not the survey's.
+    """
+    (header, *records), torn = read_journal(path)
+    head = Value(header, str(path))
+    protocol = header.get("journal")
+    if protocol != PROTOCOL:
+        raise InputError(f"{path}: a journal of the protocol {protocol!r:.60}; this version reads {PROTOCOL}")
+    names, epoch = head["robots"].fit(tuple[str, ...]), head["epoch"].fit(Finite)
+    if "place" in head:
+        if mission is not None:
+            raise InputError(f"{path}: the journal holds its own mission; leave out --mission")
+        place = read_place(head["place"], epoch)
+    elif mission is not None:
+        place = place_in(mission, head["seed"].fit(int), epoch)
+    else:
+        raise InputError(f"{path}: a journal of an earlier version, without its mission; give that: --mission FILE")
+    count = place.scenario.agents
+    if len(names) != count or len(set(names)) != len(names):
+        raise InputError(f"{path}: {len(set(names))} robots with names of their own; the mission has {count}")
+    record = _begun(place, names, head, torn)
+    for number, values in enumerate(records, start=2):
+        where = f"{path}: line {number}"
+        try:
+            _take(record, Value(values, where))
+        except InputError as error:
+            told = str(error)
+            raise InputError(told if told.startswith(where) else f"{where}: {told}") from None
+    return record
+
+
+def _begun(place: Place, names: tuple[str, ...], head: Value, torn: int) -> Record:
+    """The record of a survey in which nothing has happened."""
+    scenario = place.scenario
+    try:
+        mission = place.mission()
+    except InputError as error:
+        raise InputError(f"{head.source}: line 1: place: {error}") from None
+    real = np.dtype(jax.dtypes.canonicalize_dtype(float))
+    gate = make_gate(mission, scenario, place.gate, place.adapt)
+    rows = zip(names, place.starts, scenario.speeds, scenario.budgets, strict=True)
+    return Record(
+        place=place,
+        planner=head["planner"].fit(str),
+        seed=head["seed"].fit(int),
+        maipp=head["maipp"].fit(str),
+        robots=[Robot(name, speed, budget, *_NOTHING, leg=start[None]) for name, start, speed, budget in rows],
+        fixes=[[Fix(0.0, *start)] for start in place.starts.tolist()],
+        measurements=Measurements(len(names), place.room, real, gate),
+        reports={},
+        torn=torn,
+        mission=mission,
+    )
+
+
+def _take(record: Record, values: Value) -> None:
+    """Take in one line of a journal."""
+    if "kernels" in values:
+        take_up(record.measurements.fits, values["kernels"].fit(Fits))
+    event: Event = read_event(values["event"].mapping(), record.names)
+    if isinstance(event, Heard):
+        event = dataclasses.replace(event, packed="")
+    answer, state = _read_answer(values["answer"]), None
+    if isinstance(event, Arrived) or "state" in values:
+        state = _read_state(values["state"])
+    inner = inside(event, record.place.units, _NOTHING, record.place.gate > 0)
+    number = record.names.index(event.robot)
+    changed = effect(event, inner, (number, record.robots[number]), answer, state, _NOTHING)
+    record.robots[number] = changed.robot
+    if changed.sample is not None and isinstance(event, Measurement):
+        record.measurements.add(changed.sample, event.id)
+        record.reports[event.id] = event, answer
+    if changed.decision is not None and isinstance(event, Withdraw | Keep):
+        record.measurements.decide(event.measurement, changed.decision)
+    if isinstance(event, Arrived | Measurement | Heard):
+        record.fixes[number].append(Fix(inner["time"], *inner["position"].tolist()))
+
+
+def _read_answer(key: Value) -> dict[str, Any]:
+    """What of an answer the record is made of."""
+    known = {"answer": str, "surprise": Finite, "reason": str}
+    return {name: key[name].fit(kind) for name, kind in known.items() if name in key}
+
+
+def _read_state(key: Value) -> dict[str, Any]:
+    """What an arrival changed, without what its planner announces and remembers."""
+    if "late" in key.mapping():
+        return {"late": key["late"].fit(_Way) if "late" in key else None}
+    numbers = {name: key[name].fit(_Way) for name in ("odometer", "planned")}
+    homeward = key["homeward"].fit(bool) if "homeward" in key else False
+    return {**numbers, "leg": key["leg"].fit(_Leg), "homeward": homeward, "message": "", "memory": ""}
