@@ -11,10 +11,12 @@ from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.errors import InputError
 from maipp.live import LiveSurvey, refits
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.record import read_record
 from maipp.live.refits import Refits
 from maipp.live.sample import Sample
 from maipp.live.seen import correlations
 from maipp.live.simulate import simulate
+from maipp.results.journals import taken_live
 from maipp.scenario import Scenario
 
 GUESS = Hyperparameters(0.0, 1.0, 0.45, 1e-3)
@@ -133,3 +135,20 @@ def test_under_the_guess_the_belief_is_that_without_refits():
                 survey.handle(event | {"position": [x, y], "value": 0.3 * number})
         np.testing.assert_allclose(adapting.belief()["mean"], fixed.belief()["mean"], atol=1e-5)
         np.testing.assert_allclose(adapting.belief()["std"], fixed.belief()["std"], atol=1e-5)
+
+
+def test_the_result_is_of_the_fitted_kernel(surveyed, monkeypatch):
+    """Read back without the mission: the same belief to the digits of the answer, and Tr(P) in the same values."""
+    journal, belief, state = surveyed
+    monkeypatch.setattr(refits, "refit", lambda *_: pytest.fail("fitted anew"))
+    mean, std = read_record(journal).belief(np.array(belief["points"]))
+    np.testing.assert_allclose(mean, belief["mean"], atol=1e-6)
+    np.testing.assert_allclose(std, belief["std"], atol=1e-6)
+    episode = taken_live(journal).episode
+    known = episode.beliefs(np.array([np.inf]))
+    values = episode.drawn.to_user_values(known.mean[0]), episode.drawn.to_user_std(np.sqrt(known.variance[0]))
+    if "direction" not in state["kernel"]:
+        # Conditioned in another order of the slots: what float32 rounds.
+        np.testing.assert_allclose(values[0], belief["mean"], atol=2e-3)
+        np.testing.assert_allclose(values[1], belief["std"], atol=2e-3)
+    assert episode.drawn.to_user_values(episode.scenario.threshold) == pytest.approx(SMALL.threshold, abs=1e-6)
