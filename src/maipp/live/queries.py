@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from maipp.live.believe import believe
+from maipp.live.changes import Changes
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe
 from maipp.live.request import PROTOCOL
@@ -14,8 +15,8 @@ from maipp.live.robots import TRAVELLING, Robot
 from maipp.live.world import Setup, World
 
 
-def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> dict[str, Any]:
-    """Protocol, planner, robots and units."""
+def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int, changes: Changes) -> dict[str, Any]:
+    """Protocol, planner, units, and the robots, the threshold and the zones as they are now."""
     units = setup.units
     starts = units.points_out(np.asarray(world.mission.start))
     return {
@@ -35,12 +36,23 @@ def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> d
             }
             for robot, start in zip(robots, starts, strict=True)
         ],
+        **_changed(setup, changes),
         "events": events,
     }
 
 
-def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements) -> dict[str, Any]:
-    """What is known of the robots, and how much has been reported."""
+def _changed(setup: Setup, changes: Changes) -> dict[str, Any]:
+    """The threshold, and the zones that the mission does not have."""
+    told = setup.threshold if changes.threshold is None else changes.threshold.told
+    rows = [(name, ruling.told) for name, ruling in changes.zones if ruling.told is not None]
+    zones = [{"name": name, "polygon": [list(point) for point in ring]} for name, ring in rows]
+    return {"threshold": told} | ({"zones": zones} if zones else {})
+
+
+def state(
+    setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements, changes: Changes
+) -> dict[str, Any]:
+    """What is known of the robots, what was changed, and how much has been reported."""
     units = setup.units
     rows = [
         {
@@ -50,6 +62,7 @@ def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Meas
             "position": units.points_out(robot.leg[:1])[0],
             "travelled": units.length_out(robot.odometer),
             "budget": units.length_out(robot.budget),
+            "speed": units.speed_out(robot.speed),
             "waypoints": units.points_out(robot.leg[1:]) if robot.status == TRAVELLING else [],
             "message": describe(robot.message, units),
         }
@@ -57,7 +70,7 @@ def state(setup: Setup, robots: Sequence[Robot], events: int, measurements: Meas
     ]
     out = [{"id": report, "reason": reason} for report, _, reason in measurements.everything if reason is not None]
     counts = {"answer": "state", "events": events, "measurements": len(measurements)}
-    return counts | ({"kept_out": out} if out else {}) | {"robots": rows}
+    return counts | ({"kept_out": out} if out else {}) | _changed(setup, changes) | {"robots": rows}
 
 
 def belief(

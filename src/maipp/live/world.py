@@ -74,6 +74,11 @@ class Setup:
     room: int  # measurements of each robot that there is room for at first
     units: Units
     gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
+    # What follows from the above, and is in no digest:
+    clearance: float = 0.0  # that zones added under way are kept clear of, domain units
+    beta_follows: bool = False  # whether the scenario's `beta` follows from the threshold, as in mission files
+    threshold: float | None = None  # in the caller's unit, as given; None: every place matters alike
+    keys: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # of the mission, for people: `differences`
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""
@@ -109,5 +114,9 @@ def make_setup(
     """The setup with room for the measurements that budgets allow and some more; `InputError` for the wrong robots."""
     if len(set(robots)) != len(robots) or len(robots) != scenario.agents:
         raise InputError(f"robots: {len(set(robots))} different names; give {scenario.agents}, one per agent")
-    room = math.ceil(_RESERVE * scenario.measurements_per_agent)
-    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room, units, gate)
+    return Setup(name, dict(options or {}), check_seed(seed), tuple(robots), room_in(scenario), units, gate)
+
+
+def room_in(scenario: Scenario) -> int:
+    """Measurements of each robot to have room for at first: those that budgets allow and some more."""
+    return math.ceil(_RESERVE * scenario.measurements_per_agent)

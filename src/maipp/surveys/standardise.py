@@ -219,7 +219,12 @@ def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[
             f"the threshold lies {threshold:.1f} prior standard deviations {side} the prior mean: hardly any place is "
             "expected to reach it"
         )
-    return {"threshold": threshold, "beta": max(_PAPER_BETA, _PRIOR_BETA * threshold)}
+    return {"threshold": threshold, "beta": interest_beta(threshold)}
+
+
+def interest_beta(threshold: float) -> float:
+    """The confidence that rules places out, of a standardised threshold."""
+    return max(_PAPER_BETA, _PRIOR_BETA * threshold)
 
 
 def _check_measurements(survey: Survey, warnings: list[str]) -> None:
