@@ -1,5 +1,7 @@
 """A survey under the worst conditions: events twice, in any order, and the process killed again and again.
 
+Meanwhile zones come, move and go, and the threshold and the robots' speeds change.
+
     python tests/live/storm.py --events 10000 --kills 100
     python tests/live/storm.py --latency receding-horizon ti-star intent-search
 
@@ -27,7 +29,8 @@ import numpy as np
 SOURCE = Path(__file__).parents[2] / "src"
 AHEAD = 8  # requests sent before the first of them is answered
 SPIKES, DECIDED = 0.05, 0.05  # shares of measurements that are wrong, and on which a person decides
-GRID = b'{"query": "belief"}\n'
+CHANGED = 0.05  # share of legs on which zone, threshold or speed changes
+GRID, STATE = b'{"query": "belief"}\n', b'{"query": "state"}\n'
 
 
 @dataclass
@@ -125,6 +128,7 @@ class Team:
     rng: np.random.Generator
     per_leg: int  # measurements on each leg
     count: int  # events to make
+    changed: float = 0.0  # share of legs on which something of the survey changes
     answers: list[bytes] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
     seconds: dict[str, list[float]] = field(default_factory=dict)  # by kind of event
@@ -142,6 +146,8 @@ class Team:
                 del clock[name]
                 continue
             path = np.array([here, *answer["waypoints"]])
+            if self.rng.random() < self.changed:
+                self.change(name, now)
             for share in np.linspace(0, 1, self.per_leg + 1)[1:]:
                 spot = _along(path, share) + self.rng.normal(0, 0.001, 2)
                 when = now + share * (answer["arrival"] - now)
@@ -154,9 +160,26 @@ class Team:
             where[name] = path[-1] + self.rng.normal(0, 0.005, 2)
             clock[name] = answer["arrival"] * 1.001
 
-    def report(self, kind: str, robot: str, **values: Any) -> dict[str, Any]:
+    def change(self, robot: str, now: float) -> None:
+        """Move a zone or remove it, or change the threshold, or the speed of a robot.
+
+        Zones are so small and so few that no order of theirs leaves too little room.
+        """
+        kind = self.rng.choice(["zone", "threshold", "speed"])
+        if kind == "zone":
+            corner, side = self.rng.uniform(0.05, 0.85, 2), self.rng.uniform(0.05, 0.1)
+            polygon = (corner + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])).tolist()
+            name = str(self.rng.choice(["ferry", "divers"]))
+            self.report(kind, None, time=now, name=name, polygon=polygon if self.rng.random() < 0.8 else None)
+        elif kind == "threshold":
+            self.report(kind, None, time=now, threshold=float(self.rng.normal(0.4, 0.3)))
+        else:
+            self.report(kind, robot, time=now, speed=float(self.rng.uniform(0.5, 1.5)))
+
+    def report(self, kind: str, robot: str | None, **values: Any) -> dict[str, Any]:
         """Send an event; gives the answer."""
-        event = {"event": kind, "id": f"{kind}-{len(self.events)}", "robot": robot} | values
+        whose = {} if robot is None else {"robot": robot}
+        event = {"event": kind, "id": f"{kind}-{len(self.events)}"} | whose | values
         began = time.perf_counter()
         line = self.service.ask(encode(event))
         self.seconds.setdefault(kind, []).append(time.perf_counter() - began)
@@ -258,9 +281,9 @@ def storm(
     path.write_text(scenario, encoding="utf-8")
     calm = Service(path, folder / "calm.journal", planner)
     calm.begin()
-    team = Team(calm, rng, per_leg, round(0.7 * events))
+    team = Team(calm, rng, per_leg, round(0.7 * events), CHANGED)
     team.run()
-    expected = calm.ask(GRID)
+    expected, settings = calm.ask(GRID), changed_of(calm.ask(STATE))
     assert calm.stop() == 0
     seen = {kind: 1e3 * float(np.median(times)) for kind, times in team.seconds.items()}
     if progress:
@@ -270,6 +293,7 @@ def storm(
     run = Storm(wild, rng)
     run.run(deliveries, kills, progress)
     assert wild.ask(GRID) == expected, "the belief differs from the undisturbed run's"
+    assert changed_of(wild.ask(STATE)) == settings, "zones, threshold or speeds differ from the undisturbed run's"
     for event in deliveries[:: max(len(deliveries) // 200, 1)]:
         run.note(event, wild.ask(encode(event)))
     assert wild.stop() == 0
@@ -282,12 +306,23 @@ def storm(
         "events": len(team.events),
         "deliveries": len(deliveries),
         "decisions": sum("odometer" in record.get("state", {}) for record in records),
+        "changes": {kind: sum(event["event"] == kind for event in team.events) for kind in CHANGES},
         "kills": kills,
         "starts": wild.starts,
         "torn lines": run.torn,
         "answers compared": run.repeated,
         "median ms": seen,
     }
+
+
+CHANGES = ("zone", "threshold", "speed")
+
+
+def changed_of(line: bytes) -> dict[str, Any]:
+    """What of a state depends on the set of events alone."""
+    state = json.loads(line)
+    told = {key: state.get(key) for key in ("events", "measurements", "kept_out", "threshold", "zones")}
+    return told | {"speeds": [robot["speed"] for robot in state["robots"]]}
 
 
 def latency(folder: Path, planner: str) -> dict[str, float]:

@@ -23,6 +23,7 @@ def storm():
 @pytest.mark.slow  # each start of the process takes seconds
 def test_nothing_is_lost_and_the_belief_is_that_of_the_undisturbed_run(storm, tmp_path):
     seen = storm.storm(tmp_path, SMALL, planner="shared-greedy", events=300, kills=3, per_leg=6, seed=1, progress=False)
+    assert min(seen["changes"].values()) > 0
     assert seen["events"] > 150 and seen["starts"] >= 4 and seen["answers compared"] > 150
 
 

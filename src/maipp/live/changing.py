@@ -67,7 +67,7 @@ def consider(
     if isinstance(event, Threshold):
         return answer, None
     if isinstance(event, Joined):
-        _check_joining(event, robots)
+        _check_joining(event, inner, robots, worlds.base.scenario.extent)
     elif event.polygon is None:
         answer["known"] = changes.zone(event.name) is not None
     after = _proposed(event, inner, changes)
@@ -96,13 +96,16 @@ def _proposed(event: Joined | Zone, inner: dict[str, Any], changes: Changes) -> 
     return changes.with_zone(event.name, Ruling(inner["time"], event.id, inner["ring"], event.polygon))
 
 
-def _check_joining(event: Joined, robots: Sequence[Robot]) -> None:
+def _check_joining(event: Joined, inner: dict[str, Any], robots: Sequence[Robot], extent: tuple[float, float]) -> None:
+    """Raise `InputError` for a robot that is there already, one too many, or one that ends outside of the area."""
     if any(robot.name == event.robot for robot in robots):
         raise InputError(
             f"robot: {event.robot!r} is in the team already; one that was gone is back when it reports arrived"
         )
     if len(robots) >= _MOST_ROBOTS:
         raise InputError(f"robot: the team has {_MOST_ROBOTS} robots already, the most there may be")
+    if any(not (0 <= x <= extent[0] and 0 <= y <= extent[1]) for x, y in inner["ends"]):
+        raise InputError("end: lies outside of the survey's area; give a place in it")
 
 
 def _anchors(
@@ -127,9 +130,6 @@ def _check_ends(event: Joined | Zone, taken: Changed, worlds: Worlds, time: floa
             continue
         new = isinstance(event, Joined) and robot.name == event.robot
         key, cut = ("end", f"{robot.name} has") if new else ("polygon", f"cuts {robot.name} off from its end:")
-        within = [each for each in ends if 0 <= each[0] <= extent[0] and 0 <= each[1] <= extent[1]]
-        if new and len(within) < len(ends):
-            raise InputError(f"{key}: lies outside of the survey's area; give a place in it")
         here, length = robot.where(max(time, robot.time)), np.inf
         if not obstacles:
             length = min(float(np.hypot(*(here - np.array(end)))) for end in ends)
