@@ -1,4 +1,4 @@
-"""What stays the same during a live survey: the problem, the planner, the team, and the random draws."""
+"""What decisions of a live survey are made of: the problem, the planner, and the random draws; and its setup."""
 
 import dataclasses
 import hashlib
