@@ -232,7 +232,8 @@ def test_a_zone_that_cuts_a_robot_off_from_its_end_is_refused_unless_it_is_gone(
         assert survey.handle(wall) == {"answer": "noted", "id": "wall"}
         with pytest.raises(InputError, match="polygon: cuts late off"):
             survey.handle(zone("more", rest, 0.4))
-        assert np.asarray(survey.world.mission.home.ends.bound).tolist() == [False, False, True]
+        home = survey.world.mission.home
+        assert home is not None and np.asarray(home.ends.bound).tolist() == [False, False, True]
         state = text(survey.state())
     with LiveSurvey.from_scenario(HOMING, "greedy", journal=tmp_path / "j") as survey:
         assert text(survey.state()) == state

@@ -80,7 +80,7 @@ def test_degrees():
 
 
 def test_edges_of_a_zone_in_degrees_are_straight_there_and_not_in_the_plane():
-    """At 60 degrees a parallel 80 km long bulges by d^2 tan(60) / 8R = 217 m; of 20 pieces each bulges by 1/400 of it."""
+    """At 60 degrees a parallel 80 km long bulges by d^2 tan(60) / 8R = 217 m, each of 20 pieces by 1/400 of that."""
     pytest.importorskip("pyproj")
     place = GeoReference.of_area((-50_000.0, -50_000.0, 50_000.0, 50_000.0), (5.0, 60.0))
     west, east = (5.0 - 40_000 / 55_800, 5.0 + 40_000 / 55_800)  # metres in a degree of longitude there
