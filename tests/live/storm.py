@@ -29,7 +29,8 @@ import numpy as np
 SOURCE = Path(__file__).parents[2] / "src"
 AHEAD = 8  # requests sent before the first of them is answered
 SPIKES, DECIDED = 0.05, 0.05  # shares of measurements that are wrong, and on which a person decides
-CHANGED = 0.05  # share of legs on which zone, threshold or speed changes
+CHANGED = 0.3  # share of legs on which zone, threshold or speed changes
+CHANGES = ("zone", "threshold", "speed")
 GRID, STATE = b'{"query": "belief"}\n', b'{"query": "state"}\n'
 
 
@@ -165,7 +166,7 @@ class Team:
 
         Zones are so small and so few that no order of theirs leaves too little room.
         """
-        kind = self.rng.choice(["zone", "threshold", "speed"])
+        kind = CHANGES[sum(event["event"] in CHANGES for event in self.events) % len(CHANGES)]
         if kind == "zone":
             corner, side = self.rng.uniform(0.05, 0.85, 2), self.rng.uniform(0.05, 0.1)
             polygon = (corner + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])).tolist()
@@ -313,9 +314,6 @@ def storm(
         "answers compared": run.repeated,
         "median ms": seen,
     }
-
-
-CHANGES = ("zone", "threshold", "speed")
 
 
 def changed_of(line: bytes) -> dict[str, Any]:
