@@ -102,7 +102,7 @@ def test_roadmaps_begin_where_robots_are_if_a_zone_parts_them_from_their_start(m
         (joined("x", robot="robot2"), "robot: 'robot2' is in the team already"),
         (joined("x", position=(7, 7)), "position: .* is far outside"),
         (joined("x", end=[1.5, 0.5]), "end: lies outside of the survey's area"),
-        (joined("x", end=[0.9, 0.9], budget=0.5), "end: late ends farther away than its budget takes it"),
+        (joined("x", end=[0.9, 0.9], budget=0.5), "end: farther than its budget; give an end that late can reach"),
         (joined("x", end="home"), "end: 'home' is not start"),
         (joined("x", budget=0.0), "budget: 0.0 is not a length > 0"),
         (measured("x", robot="late"), "robot: 'late' is not"),
@@ -223,7 +223,7 @@ def test_a_zone_that_cuts_a_robot_off_from_its_end_is_refused_unless_it_is_gone(
     rest = [[-0.1, 0.25], [1.1, 0.25], [1.1, 1.1], [-0.1, 1.1]]
     with LiveSurvey.from_scenario(HOMING, "greedy", journal=tmp_path / "j") as survey:
         before = (tmp_path / "j").read_bytes()
-        with pytest.raises(InputError, match="polygon: cuts robot1 off from its end: no way there around"):
+        with pytest.raises(InputError, match="polygon: cuts robot1 off from its end; report it gone first"):
             survey.handle(wall)
         assert (tmp_path / "j").read_bytes() == before and "zones" not in survey.state()
         for robot in ("robot1", "robot2"):
@@ -234,6 +234,12 @@ def test_a_zone_that_cuts_a_robot_off_from_its_end_is_refused_unless_it_is_gone(
             survey.handle(zone("more", rest, 0.4))
         home = survey.world.mission.home
         assert home is not None and np.asarray(home.ends.bound).tolist() == [False, False, True]
+        with pytest.raises(InputError, match="end: there is no way there around the no-go zones"):
+            survey.handle(joined("k", "later", end=[0.5, 0.5]))
+        # Back without its end, it keeps nobody from adding zones or robots.
+        survey.handle(arrived("back", position=(0.3, 0.4), time=0.5))
+        assert survey.handle(zone("far", square(0.8, 0.2), 0.6, key="y"))["answer"] == "noted"
+        assert survey.handle(joined("l", "later", end="start"))["answer"] == "noted"
         state = text(survey.state())
     with LiveSurvey.from_scenario(HOMING, "greedy", journal=tmp_path / "j") as survey:
         assert text(survey.state()) == state

@@ -10,13 +10,14 @@ import numpy as np
 from maipp.engine.homing import whole_way_home
 from maipp.errors import InputError
 from maipp.live.carried import carried
-from maipp.live.changes import Changes, Joiner, Level, Ruling
+from maipp.live.changes import Changes, Joiner, Level, Ring, Ruling
 from maipp.live.events import Change, Joined, Threshold, Zone
 from maipp.live.robots import GONE, STOPPED, TRAVELLING, WAITING, Robot
 from maipp.live.units import Units
 from maipp.live.worlds import Worlds, open_places, own_parts
 from maipp.roadmap import Home, Obstacles, free_space
 from maipp.scenario import DISTANCE_TOLERANCE
+from maipp.typing import Float
 
 # As in mission files.
 _MOST_ROBOTS = 100
@@ -82,7 +83,7 @@ def consider(
         raise InputError(f"{key}: {error}") from None
     if not np.asarray(world.mission.inside).any():
         raise InputError(f"{key}: leaves no point of the evaluation grid free; give a smaller zone")
-    _check_ends(event, taken, worlds, inner["time"])
+    _check_ends(event, changes, taken, worlds, inner["time"])
     if isinstance(event, Zone):
         answer |= _concerned(event, inner, taken, worlds)
     return answer | ({"forgot": taken.forgot} if taken.forgot else {}), state
@@ -122,26 +123,35 @@ def _anchors(
     return own_parts(worlds.obstacles(after), worlds.base.scenario.extent, starts, np.array(places))
 
 
-def _check_ends(event: Joined | Zone, taken: Changed, worlds: Worlds, time: float) -> None:
-    """Raise `InputError` for a robot of the team that has an end and no way there."""
-    extent, obstacles = worlds.base.scenario.extent, worlds.obstacles(taken.changes)
+def _check_ends(event: Joined | Zone, changes: Changes, taken: Changed, worlds: Worlds, time: float) -> None:
+    """Raise `InputError` for a robot of the team that has an end and no way there any more."""
+    extent = worlds.base.scenario.extent
+    before, after = worlds.obstacles(changes), worlds.obstacles(taken.changes)
     for robot, ends in zip(taken.robots, worlds.ends(taken.changes), strict=True):
-        if not ends or robot.status == GONE:
-            continue
         new = isinstance(event, Joined) and robot.name == event.robot
-        key, cut = ("end", f"{robot.name} has") if new else ("polygon", f"cuts {robot.name} off from its end:")
-        here, length = robot.where(max(time, robot.time)), np.inf
-        if not obstacles:
-            length = min(float(np.hypot(*(here - np.array(end)))) for end in ends)
-        else:
-            free = free_space(obstacles, extent)
-            (begin,) = own_parts(obstacles, extent, here[None], here[None])
-            for end in open_places(obstacles, extent, ends):
-                length = min(length, free.length_between(np.array(begin), np.array(end)))
-        if not np.isfinite(length):
-            raise InputError(f"{key}: {cut} no way there around the no-go zones; report it gone, or change the zone")
+        if not ends or robot.status == GONE or not (new or isinstance(event, Zone)):
+            continue
+        here = robot.where(max(time, robot.time))
+        length = _length_to(after, extent, here, ends)
         if new and length > robot.budget:
-            raise InputError(f"{key}: {robot.name} ends farther away than its budget takes it; give a nearer end")
+            problem = "there is no way there around the no-go zones" if np.isinf(length) else "farther than its budget"
+            raise InputError(f"end: {problem}; give an end that {robot.name} can reach")
+        if np.isinf(length) and np.isfinite(_length_to(before, extent, here, ends)):
+            raise InputError(
+                f"polygon: cuts {robot.name} off from its end; report it gone first, or give a zone that leaves a way"
+            )
+
+
+def _length_to(
+    obstacles: tuple[Ring, ...], extent: tuple[float, float], here: Float[np.ndarray, "2"], ends: Ring
+) -> float:
+    """Length of the shortest way from a place to the nearest of some ends, domain units; inf: there is none."""
+    if not obstacles:
+        return min(float(np.hypot(*(here - np.array(end)))) for end in ends)
+    free = free_space(obstacles, extent)
+    (begin,) = own_parts(obstacles, extent, here[None], here[None])
+    lengths = [free.length_between(np.array(begin), np.array(end)) for end in open_places(obstacles, extent, ends)]
+    return min(lengths, default=np.inf)
 
 
 def _concerned(event: Zone, inner: dict[str, Any], taken: Changed, worlds: Worlds) -> dict[str, Any]:
