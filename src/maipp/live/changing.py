@@ -13,7 +13,6 @@ from maipp.live.carried import carried
 from maipp.live.changes import Changes, Joiner, Level, Ring, Ruling
 from maipp.live.events import Change, Joined, Threshold, Zone
 from maipp.live.robots import GONE, STOPPED, TRAVELLING, WAITING, Robot
-from maipp.live.units import Units
 from maipp.live.worlds import Worlds, open_places, own_parts
 from maipp.roadmap import Home, Obstacles, free_space
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -58,7 +57,7 @@ def changed(
 
 
 def consider(
-    event: Change, inner: dict[str, Any], changes: Changes, robots: Sequence[Robot], worlds: Worlds, units: Units
+    event: Change, inner: dict[str, Any], changes: Changes, robots: Sequence[Robot], worlds: Worlds
 ) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The answer to a change, and what it needs to be taken over; draws the world that it leads to.
 

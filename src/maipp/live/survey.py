@@ -244,7 +244,7 @@ class LiveSurvey:
         if isinstance(event, Budget):
             return self._granted(event, inner)
         if isinstance(event, Change):
-            return consider(event, inner, self._changes, self._robots, self._worlds, self.setup.units)
+            return consider(event, inner, self._changes, self._robots, self._worlds)
         if isinstance(event, Measurement | Withdraw | Keep):
             return judged(event, self._of_robot(event, inner, {}, None), self._measurements), None
         if not isinstance(event, Arrived):
