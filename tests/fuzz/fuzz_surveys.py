@@ -44,7 +44,10 @@ _KEYS = (
     b"!!float",
     b"~",
 )
-_EVENTS = (b'"measurement"', b'"arrived"', b'"gone"', b'"budget"', b'"heard"', b'"id"', b"null", b"[]", b"{}")
+_EVENTS = (
+    *(b'"measurement"', b'"arrived"', b'"gone"', b'"budget"', b'"heard"', b'"speed"', b'"zone"', b'"joined"'),
+    *(b'"id"', b'"start"', b"null", b"[]", b"{}"),
+)
 
 
 def _samples_seeds() -> list[bytes]:
@@ -78,6 +81,11 @@ def _event_seeds() -> list[bytes]:
         {"event": "arrived", "id": "a1", "robot": "b", "position": [4.73, 52.24], "time": 3, "travelled": 100.5},
         {"event": "gone", "id": "g1", "robot": "a", "time": 30.0},
         {"event": "budget", "id": "b1", "robot": "b", "budget": 800.0, "time": 3.0},
+        {"event": "speed", "id": "s1", "robot": "b", "speed": 0.5, "time": 3.0},
+        {"event": "threshold", "id": "t1", "threshold": 12, "time": 3.0},
+        {"event": "zone", "id": "z1", "name": "ferry", "polygon": [[4.7, 52.2], [4.8, 52.2], [4.8, 52.3]], "time": 3.0},
+        {"event": "joined", "id": "j1", "robot": "c", "position": [4.73, 52.24], "budget": 800, "speed": 1.5, "time": 9}
+        | {"end": [[4.73, 52.24], [4.74, 52.24]]},
     ]
     return [json.dumps(event).encode() for event in events]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from maipp.errors import InputError
 from maipp.live import LiveSurvey
 from maipp.live.events import KINDS
 from maipp.live.serve import answer_line
@@ -17,7 +18,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-
 
 
 def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, flags=re.DOTALL | re.MULTILINE)
+    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, flags=re.DOTALL | re.MULTILINE)
+    return [block for name, block in fenced if name == language]
 
 
 def same(found, told):
@@ -42,6 +44,19 @@ def test_the_session_goes_as_told(tmp_path):
         for number, (sent, answered) in enumerate(zip(lines[1::2], lines[2::2], strict=True), start=1):
             assert sent.startswith("> ") and answered.startswith("< ")
             assert same(answer_line(survey, sent[2:].encode(), number), json.loads(answered[2:]))
+
+
+def test_a_mission_that_was_edited_is_told_as_shown(tmp_path):
+    (mission,) = blocks("yaml")
+    (shown,) = blocks("text")
+    journal, edited = (
+        tmp_path / "lake.journal",
+        mission.replace("budget_m: 600", "budget_m: 500", 1) + "clearance_m: 5\n",
+    )
+    LiveSurvey.from_prepared(prepare(parse_survey(mission)), journal=journal).close()
+    with pytest.raises(InputError) as error:
+        LiveSurvey.from_prepared(prepare(parse_survey(edited)), journal=journal)
+    assert f"error: {error.value}\n".replace(str(journal), journal.name) == shown
 
 
 def test_every_event_is_in_the_table_with_its_keys():

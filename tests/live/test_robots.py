@@ -121,3 +121,22 @@ def test_the_latest_budget_counts_in_any_order(order):
     for time, name, budget in order:
         one.grant(budget, time, name)
     assert one.budget == 5.0
+
+
+def test_the_way_gone_follows_the_speeds():
+    one = robot()  # 0.5 from time 1 on, on a leg of 0.3
+    one.pace(0.25, 1.2, "b")
+    one.pace(1.0, 1.1, "a")  # told later, and was so before
+    assert one.speed == 0.25
+    assert one.covered(1.1) == pytest.approx(0.05) and one.covered(1.2) == pytest.approx(0.15)
+    assert one.covered(1.4) == pytest.approx(0.2) and one.where(1.4) == pytest.approx([0.2, 0.0])
+    assert one.ahead(1.3) == pytest.approx(np.array([[0.175, 0.0], [0.2, 0.0], [0.2, 0.1]]))
+    assert one.ahead(9.0) == pytest.approx(np.array([[0.2, 0.1]]))
+
+
+@given(moves=st.permutations([(1.2, "b", 0.25), (1.1, "a", 1.0), (1.2, "c", 0.75)]))
+def test_of_several_speeds_the_latest_decides_in_whatever_order(moves):
+    one = robot()
+    for time, event, speed in moves:
+        one.pace(speed, time, event)
+    assert (one.speed, one.speeds) == (0.75, [(-1.0, "", 0.5), (1.1, "a", 1.0), (1.2, "b", 0.25), (1.2, "c", 0.75)])

@@ -58,8 +58,11 @@ LEAVES = st.one_of(
     st.none(), st.booleans(), NUMBERS, st.text(max_size=8), st.sampled_from(["robot1", "robot2", "AA=="])
 )
 VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner))
-KINDS = st.sampled_from(["measurement", "arrived", "gone", "budget", "heard"])
+KINDS = st.sampled_from(
+    ["measurement", "arrived", "gone", "budget", "heard", "speed", "joined", "zone", "threshold", "withdraw", "keep"]
+)
 KEYS = ("id", "robot", "position", "value", "time", "travelled", "budget", "packed", "query", "points", "protocol")
+KEYS += ("speed", "threshold", "name", "polygon", "end", "measurement")
 REQUESTS = st.fixed_dictionaries(
     {}, optional={"event": KINDS | VALUES, **{key: VALUES for key in KEYS}, "position": st.tuples(NUMBERS, NUMBERS)}
 )

@@ -25,6 +25,7 @@ def test_nothing_is_lost_and_the_belief_is_that_of_the_undisturbed_run(storm, tm
     run = {"planner": "shared-greedy", "events": 300, "kills": 3, "per_leg": 6, "seed": 1, "adapt": True}
     seen = storm.storm(tmp_path, SMALL, **run, progress=False)
     assert seen["kernel"]["measurements"] > 50
+    assert min(seen["changes"].values()) > 0
     assert seen["events"] > 150 and seen["starts"] >= 4 and seen["answers compared"] > 150
 
 

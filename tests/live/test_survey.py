@@ -86,7 +86,7 @@ def test_a_journal_belongs_to_one_mission(make, scenario, tmp_path):
         with pytest.raises(InputError, match=r"j: the journal of another survey") as error:
             make(tmp_path / "j", **changes)
         assert "\n" not in str(error.value)
-    with pytest.raises(InputError, match="another survey;"):
+    with pytest.raises(InputError, match="survey: threshold: 0.4 in the journal, 0.5 here; leave it"):
         LiveSurvey.from_scenario(scenario.replace(threshold=0.5), "shared-greedy", journal=tmp_path / "j")
     assert (tmp_path / "j").read_bytes() == before
 

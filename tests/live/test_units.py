@@ -33,6 +33,9 @@ def test_by_hand():
     assert LAKE.length("travelled", 100.0) == 0.25 and LAKE.length_out(0.25) == 100.0
     assert LAKE.time("time", 1.7e9 + 800) == 2.0
     assert LAKE.speed_out(1.0) == 1.0  # 400 m in 400 s
+    assert LAKE.speed("speed", 2.0) == 2.0 and LAKE.threshold("threshold", 6.0) == 0.5
+    ring = ((100.0, 200.0), (300.0, 200.0), (300.0, 300.0))
+    assert LAKE.polygon("polygon", ring) == ((0.0, 0.0), (0.5, 0.0), (0.5, 0.25))
     assert LAKE.std_out(np.array([0.5])) == [2.0]
     assert LAKE.covariance_out(np.array([0.25, 0.0, 1.0])) == [40_000.0, 0.0, 160_000.0]
     assert LAKE.names == {"position": "m", "length": "m", "value": "ug/L", "time": "s"}
@@ -74,3 +77,15 @@ def test_degrees():
         with pytest.raises(InputError) as error:
             units.position("position", point)
         assert told in str(error.value)
+
+
+def test_edges_of_a_zone_in_degrees_are_straight_there_and_not_in_the_plane():
+    """At 60 degrees a parallel 80 km long bulges by d^2 tan(60) / 8R = 217 m, each of 20 pieces by 1/400 of that."""
+    pytest.importorskip("pyproj")
+    place = GeoReference.of_area((-50_000.0, -50_000.0, 50_000.0, 50_000.0), (5.0, 60.0))
+    west, east = (5.0 - 40_000 / 55_800, 5.0 + 40_000 / 55_800)  # metres in a degree of longitude there
+    ring = ((west, 60.0), (east, 60.0), (east, 60.2), (west, 60.2))
+    found = np.array(Units(place.domain, place).polygon("polygon", ring))
+    south = place.to_domain(np.array([[5.0, 60.0], [west, 60.0]]))
+    low = found[np.argmin(np.hypot(*(found - south[0]).T))]
+    assert low == pytest.approx(south[0], abs=1e-5) and south[1, 1] - south[0, 1] > 1e-3

@@ -92,6 +92,9 @@ class Planner(eqx.Module):
     avoids_obstacles: ClassVar[bool] = (
         False  # its legs never cross a no-go zone; others are refused where there are any
     )
+    # What it remembers counts places of the roadmap, of the zones or of the team's parts of the area: where a live
+    # survey changes those, its agents begin with `initial_memory` again.
+    memory_of_place: ClassVar[bool] = False
 
     def on(self, problem: Problem) -> Any:
         """The planner, and those that it holds, for compiled code: this problem in place of their scenario."""

@@ -1,4 +1,4 @@
-"""What an event means in the survey's own units, and what it changes: the same live and from the journal."""
+"""What an event means in the survey's own units, and what it changes of a robot: the same live and from the journal."""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +7,21 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.fields.raster_data import is_stray
-from maipp.live.events import Arrived, Budget, Event, Gone, Heard, Keep, Measurement, Withdraw
+from maipp.live.events import (
+    Arrived,
+    Budget,
+    Event,
+    Gone,
+    Heard,
+    Joined,
+    Keep,
+    Measurement,
+    OfRobot,
+    Speed,
+    Threshold,
+    Withdraw,
+    Zone,
+)
 from maipp.live.measurements import Decision
 from maipp.live.messages import unpack
 from maipp.live.robots import Robot
@@ -35,15 +49,23 @@ def inside(event: Event, units: Units, nothing: Pair, gated: bool = False) -> di
     `InputError` for what cannot be.
     """
     inner: dict[str, Any] = {"time": units.time("time", event.time)}
-    if isinstance(event, Measurement | Arrived | Heard):
+    if isinstance(event, Measurement | Arrived | Heard | Joined):
         inner["position"] = np.array(units.position("position", event.position))
     if isinstance(event, Measurement | Arrived):
         told = event.travelled
         inner["travelled"] = None if told is None else units.length("travelled", told)
     if isinstance(event, Measurement):
         inner["value"], inner["stray"] = units.value("value", event.value, gated=gated), is_stray(event.value)
-    if isinstance(event, Budget):
+    if isinstance(event, Budget | Joined):
         inner["budget"] = units.length("budget", event.budget)
+    if isinstance(event, Speed | Joined):
+        inner["speed"] = units.speed("speed", event.speed)
+    if isinstance(event, Joined):
+        inner["ends"] = _ends(event, inner["position"], units)
+    if isinstance(event, Zone):
+        inner["ring"] = None if event.polygon is None else units.polygon("polygon", event.polygon)
+    if isinstance(event, Threshold):
+        inner["threshold"] = units.threshold("threshold", event.threshold)
     if isinstance(event, Heard):
         inner["message"] = unpack(event.packed, nothing[0])
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(inner["message"])]
@@ -52,8 +74,19 @@ def inside(event: Event, units: Units, nothing: Pair, gated: bool = False) -> di
     return inner
 
 
+def _ends(event: Joined, position: np.ndarray, units: Units) -> tuple[tuple[float, float], ...]:
+    """Where a robot that joins may end, domain units; none: anywhere."""
+    if event.end is None:
+        return ()
+    if event.end == "start":
+        x, y = position.tolist()
+        return ((x, y),)
+    places: Any = event.end if isinstance(event.end[0], tuple) else (event.end,)
+    return tuple(units.position("end", place) for place in places)
+
+
 def effect(
-    event: Event,
+    event: OfRobot,
     inner: dict[str, Any],
     robot: tuple[int, Robot],
     answer: dict[str, Any],
@@ -86,6 +119,8 @@ def effect(
         if state is not None:
             leg = np.array(state["leg"], np.float64)
             changed.divert(time, state["odometer"], state["planned"], leg, answer, nothing[0])
+    elif isinstance(event, Speed):
+        changed.pace(inner["speed"], time, event.id)
     elif isinstance(event, Heard):
         changed.announce(time, inner["position"], inner["message"])
     elif isinstance(event, Withdraw | Keep):

@@ -65,6 +65,11 @@ class Gate:
         return self._seen.kernel if self._seen.kernel.measurements else self.guess
 
     @property
+    def old(self) -> int:
+        """Samples from before the survey."""
+        return self._seen.old
+
+    @property
     def fits(self) -> Refits | None:
         """What fits the kernel; None: it stays as it is."""
         return self._refits

@@ -58,6 +58,11 @@ class Measurements:
         self._ids[report] = sample
         self._slots = None
 
+    def admit(self, robots: int, room: int) -> None:
+        """Make room for so many robots, and so many measurements of each at first."""
+        if (robots, room) != (self._robots, self._room):
+            self._robots, self._room, self._slots = robots, room, None
+
     def decide(self, report: str, decision: Decision) -> None:
         """Take in what a person decided on the measurement told by a report, which may still come."""
         self._decisions[report] = max(decision, self._decisions.get(report, decision))
@@ -119,6 +124,11 @@ class Measurements:
     def guess(self) -> Hyperparameters:
         """The mission's kernel."""
         return self._gate.guess
+
+    @property
+    def old(self) -> int:
+        """Samples from before the survey."""
+        return self._gate.old
 
     @property
     def fits(self) -> Refits | None:

@@ -45,6 +45,7 @@ class Place:
     adapt: HyperPrior | None  # what the kernel is refitted with; None: it stays as it is
     prior: Prior | None
     site: Site
+    clearance: float = 0.0  # that zones added under way are kept clear of, domain units
 
     def mission(self) -> Mission:
         """The unbatched mission that beliefs are of: the live survey's, without roadmaps and homes."""
@@ -68,6 +69,7 @@ class Place:
             "threshold": site.threshold,
             "area": site.area,
             "no_go": site.no_go,
+            "clearance": self.clearance,
             "prior": None if self.prior is None else _columns(self.prior),
         }
 
@@ -94,22 +96,33 @@ def place_of(world: World, setup: Setup) -> Place:
         x, y = np.asarray(mission.prior_x, np.float64), np.asarray(mission.prior_y, np.float64)
         prior = Prior(x, y, np.broadcast_to(np.asarray(noise, np.float64), y.shape))
     starts = np.asarray(mission.start, np.float64)
-    return Place(world.scenario, setup.units, starts, setup.room, setup.gate, setup.adapt, prior, setup.site)
+    return Place(
+        world.scenario, setup.units, starts, setup.room, setup.gate, setup.adapt, prior, setup.site, setup.clearance
+    )
 
 
 def place_in(mission: PreparedSurvey | Scenario, seed: int, epoch: float) -> Place:
     """The place of a live survey of this mission, for a journal without it; `seed` draws starts left open."""
     if isinstance(mission, Scenario):
         scenario, units, prior = mission, Units(mission.extent, epoch=epoch), None
-        gate, adapt, site = LEVEL, None, Site()
+        gate, adapt, site, clearance = LEVEL, None, Site(), 0.0
     else:
         scenario, gate, site, adapt = mission.scenario, mission.survey.gate, Site.of(mission), mission.adapt
         units = Units(scenario.extent, mission.frame, epoch, mission.seconds_per_time)
+        clearance = mission.margin / mission.frame.scale
         noise = np.full(len(mission.prior_y), mission.prior_noise)
         prior = Prior(mission.prior_x, mission.prior_y, noise) if len(noise) else None
     drawn = draw_missions(scenario.replace(end=None), seed=seed, instances=1, roadmaps=False)
     return Place(
-        scenario, units, np.asarray(drawn.start[0], np.float64), first_room(scenario), gate, adapt, prior, site
+        scenario,
+        units,
+        np.asarray(drawn.start[0], np.float64),
+        first_room(scenario),
+        gate,
+        adapt,
+        prior,
+        site,
+        clearance,
     )
 
 
@@ -125,6 +138,7 @@ def read_place(key: Value, epoch: float) -> Place:
         starts=np.array(starts),
         room=key["room"].fit(Annotated[int, Within(1, most=1_000_000)]),
         gate=key["gate"].fit(_Level),
+        clearance=key["clearance"].fit(Annotated[float, Within(0)]),
         adapt=_read_adapt(key["adapt"]) if "adapt" in key else None,
         prior=_read_prior(key["prior"], real) if "prior" in key else None,
         site=Site(

@@ -9,6 +9,7 @@ import numpy as np
 
 from maipp.belief.refit import Hyperparameters
 from maipp.live.believe import believe
+from maipp.live.changes import Changes
 from maipp.live.measurements import Measurements
 from maipp.live.messages import describe
 from maipp.live.request import PROTOCOL
@@ -17,8 +18,8 @@ from maipp.live.units import Units
 from maipp.live.world import Setup, World
 
 
-def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> dict[str, Any]:
-    """Protocol, planner, robots and units."""
+def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int, changes: Changes) -> dict[str, Any]:
+    """Protocol, planner, units, and the robots, the threshold and the zones as they are now."""
     units = setup.units
     starts = units.points_out(np.asarray(world.mission.start))
     return {
@@ -38,14 +39,23 @@ def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int) -> d
             }
             for robot, start in zip(robots, starts, strict=True)
         ],
+        **_changed(setup, changes),
         "events": events,
     }
 
 
+def _changed(setup: Setup, changes: Changes) -> dict[str, Any]:
+    """The threshold, and the zones that the mission does not have."""
+    told = setup.threshold if changes.threshold is None else changes.threshold.told
+    rows = [(name, ruling.told) for name, ruling in changes.zones if ruling.told is not None]
+    zones = [{"name": name, "polygon": [list(point) for point in ring]} for name, ring in rows]
+    return {"threshold": told} | ({"zones": zones} if zones else {})
+
+
 def state(
-    world: World, setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements
+    setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements, changes: Changes
 ) -> dict[str, Any]:
-    """What is known of the robots, and how much has been reported."""
+    """What is known of the robots, what was changed, and how much has been reported."""
     units = setup.units
     rows = [
         {
@@ -55,6 +65,7 @@ def state(
             "position": units.points_out(robot.leg[:1])[0],
             "travelled": units.length_out(robot.odometer),
             "budget": units.length_out(robot.budget),
+            "speed": units.speed_out(robot.speed),
             "waypoints": units.points_out(robot.leg[1:]) if robot.status == TRAVELLING else [],
             "message": describe(robot.message, units),
         }
@@ -63,16 +74,19 @@ def state(
     out = [{"id": report, "reason": reason} for report, _, reason in measurements.everything if reason is not None]
     counts = {"answer": "state", "events": events, "measurements": len(measurements)}
     kernel = measurements.kernel
-    found = {} if kernel is None else {"kernel": told(kernel, world, units)}
-    return counts | ({"kept_out": out} if out else {}) | found | {"robots": rows}
+    found = {} if kernel is None else {"kernel": told(kernel, measurements.old, units)}
+    return counts | ({"kept_out": out} if out else {}) | found | _changed(setup, changes) | {"robots": rows}
 
 
-def told(kernel: Hyperparameters, world: World, units: Units) -> dict[str, Any]:
-    """A kernel in the caller's units; `measurements` is how many it was fitted to, 0 for the mission's own."""
+def told(kernel: Hyperparameters, old: int, units: Units) -> dict[str, Any]:
+    """A kernel in the caller's units; `measurements` is how many it was fitted to, 0 for the mission's own.
+
+    `old` samples from before the survey are not counted.
+    """
     mean, std, noise = (np.array([value]) for value in (kernel.mean, kernel.std, kernel.noise**0.5))
     long = kernel.length_scale * kernel.aspect**0.5
     answer = {
-        "measurements": kernel.measurements - (0 if world.mission.prior_y is None else len(world.mission.prior_y)),
+        "measurements": max(kernel.measurements - old, 0),
         "length_scale": units.length_out(kernel.length_scale),
         "mean": units.values_out(mean)[0],
         "std": units.std_out(std)[0],

@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import jax
@@ -11,8 +10,11 @@ import numpy as np
 from maipp.engine import Mission
 from maipp.errors import InputError
 from maipp.live.believe import believe
+from maipp.live.changes import Changes
+from maipp.live.changing import proposed
 from maipp.live.effects import effect, inside
-from maipp.live.events import Arrived, Event, Heard, Keep, Measurement, Withdraw, read_event
+from maipp.live.events import Arrived, Change, Event, Heard, Joined, Keep, Measurement, Withdraw, read_event
+from maipp.live.ground import Ground
 from maipp.live.journal import read_journal
 from maipp.live.measurements import Measurements
 from maipp.live.place import Place, place_in, read_place
@@ -55,12 +57,14 @@ class Record:
     reports: dict[str, tuple[Measurement, dict[str, Any]]]  # every report of a measurement, and what was answered
     torn: int  # bytes after the last whole line
     mission: Mission  # the belief's prior is in it
+    ground: Ground
+    changes: Changes = Changes()
 
     def belief(self, points: Float[np.ndarray, "p 2"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Mean and standard deviation at domain positions, standardised values: what `LiveSurvey.belief` answers."""
         return believe(self.mission, self.measurements, points)
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the robots."""
         return tuple(robot.name for robot in self.robots)
@@ -97,6 +101,7 @@ def read_record(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario
         except InputError as error:
             told = str(error)
             raise InputError(told if told.startswith(where) else f"{where}: {told}") from None
+    _settle(record)
     return record
 
 
@@ -121,6 +126,7 @@ def _begun(place: Place, names: tuple[str, ...], head: Value, torn: int) -> Reco
         reports={},
         torn=torn,
         mission=mission,
+        ground=Ground(scenario, place.starts, place.clearance),
     )
 
 
@@ -135,6 +141,9 @@ def _take(record: Record, values: Value) -> None:
     if isinstance(event, Arrived) or "state" in values:
         state = _read_state(values["state"])
     inner = inside(event, record.place.units, _NOTHING, record.place.gate > 0)
+    if isinstance(event, Change):
+        _change(record, event, inner, values)
+        return
     number = record.names.index(event.robot)
     changed = effect(event, inner, (number, record.robots[number]), answer, state, _NOTHING)
     record.robots[number] = changed.robot
@@ -145,6 +154,36 @@ def _take(record: Record, values: Value) -> None:
         record.measurements.decide(event.measurement, changed.decision)
     if isinstance(event, Arrived | Measurement | Heard):
         record.fixes[number].append(Fix(inner["time"], *inner["position"].tolist()))
+
+
+def _change(record: Record, event: Change, inner: dict[str, Any], values: Value) -> None:
+    """Take in a change of the survey as a whole."""
+    record.changes = proposed(event, inner, record.changes)
+    if "state" in values:
+        anchors = values["state"]["anchors"].fit(tuple[tuple[Finite, Finite], ...])
+        record.changes = dataclasses.replace(record.changes, anchors=anchors)
+    if isinstance(event, Joined):
+        place, time = inner["position"], inner["time"]
+        told = {"leg": place[None], "latest": time, "time": time, "fixes": [(time, 0.0)]}
+        record.robots.append(Robot(event.robot, inner["speed"], inner["budget"], *_NOTHING, **told))
+        record.fixes.append([Fix(time, *place.tolist())])
+        record.measurements.admit(len(record.robots), record.ground.room(record.changes))
+
+
+def _settle(record: Record) -> None:
+    """Make place and mission those that the changes have led to."""
+    changes, place = record.changes, record.place
+    if changes == Changes():
+        return
+    scenario = record.ground.scenario(changes)
+    if changes.threshold is not None:
+        scenario = scenario.replace(threshold=changes.threshold.value)
+    zones = tuple(ruling.told for _, ruling in changes.zones if ruling.told is not None)
+    given = place.site.threshold or changes.threshold is not None
+    site = dataclasses.replace(place.site, no_go=(*place.site.no_go, *zones), threshold=given)
+    starts = np.array(record.ground.starts(changes))
+    record.place = dataclasses.replace(place, scenario=scenario, starts=starts, site=site)
+    record.mission = dataclasses.replace(record.place, starts=np.array(scenario.starts)).mission()
 
 
 def _read_answer(key: Value) -> dict[str, Any]:

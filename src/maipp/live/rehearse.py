@@ -42,7 +42,10 @@ def _rehearsed(prepared: PreparedSurvey, field: Any, seed: int) -> dict[str, flo
         world, measurements = survey.world, survey._measurements
         grid, inside = np.asarray(world.mission.grid), np.asarray(world.mission.inside)
         mean, std = believe(world.mission, measurements, grid)
-        problem, (level, scale) = world.known(measurements.kernel).mission.problem, measurements.standard
+        problem, (level, scale) = (
+            world.known(measurements.kernel, survey.setup.beta_follows).mission.problem,
+            measurements.standard,
+        )
         interest = Interest(problem.threshold, problem.beta, problem.interest_rule)
         values, threshold = truth(grid), prepared.scenario.threshold
         area = area_found(values >= threshold, mean >= threshold, inside)

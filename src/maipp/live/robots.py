@@ -39,12 +39,17 @@ class Robot:
     fixes: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])  # times and odometer at its arrivals
     homeward: bool = False  # it was told to go home
     planned: float = 0.0  # odometer at the last measurement that its leg was planned with
+    # Times and ids of the events that set its speed, and the speeds, in this order; the first is what it began with
+    speeds: list[tuple[float, str, float]] = field(default_factory=list)
     # Time, odometer (-1: not told) at its measurements
     measured: list[tuple[float, float]] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        self.speeds = self.speeds or [(-1.0, "", self.speed)]
+
     def copy(self) -> "Robot":
         """One that changes without this one."""
-        return replace(self, fixes=[*self.fixes], measured=[*self.measured])
+        return replace(self, fixes=[*self.fixes], measured=[*self.measured], speeds=[*self.speeds])
 
     @property
     def position(self) -> Float[np.ndarray, "2"]:
@@ -58,12 +63,25 @@ class Robot:
 
     def where(self, time: float) -> Float[np.ndarray, "2"]:
         """Where it probably is: on the way it was told, at its usual speed."""
-        return place_at(self.leg, max(time - self.time, 0.0) * self.speed)
+        return place_at(self.leg, self._run(time))
 
     def covered(self, time: float) -> float:
         """Way it has probably gone on its leg, domain units."""
-        length = float(np.hypot(*np.diff(self.leg, axis=0).T).sum())
-        return min(max(time - self.time, 0.0) * self.speed, length)
+        return min(self._run(time), float(np.hypot(*np.diff(self.leg, axis=0).T).sum()))
+
+    def ahead(self, time: float) -> Float[np.ndarray, "w 2"]:
+        """What is probably left of its leg, from where it is."""
+        marks = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.leg, axis=0).T))])
+        return np.concatenate([self.where(time)[None], self.leg[marks > self._run(time)]])
+
+    def _run(self, time: float) -> float:
+        """How far its speeds take it from its last report until then, domain units."""
+        ends = [begin for begin, _, _ in self.speeds[1:]] + [np.inf]
+        spans = (
+            (max(min(end, time) - max(begin, self.time), 0.0), speed)
+            for (begin, _, speed), end in zip(self.speeds, ends, strict=True)
+        )
+        return sum(span * speed for span, speed in spans)
 
     def travelled(self, position: Float[np.ndarray, "2"], told: float | None) -> float:
         """Way travelled on arrival at a position: what the odometer says, else along the leg as far as it was followed.
@@ -146,6 +164,11 @@ class Robot:
         if (time, event) > self.budget_from:
             self.homeward &= budget <= self.budget  # with more of it there may be more to do
             self.budget, self.budget_from = budget, (time, event)
+
+    def pace(self, speed: float, time: float, event: str) -> None:
+        """Its speed is another one from then on; of several events the latest decides what it is now."""
+        insort(self.speeds, (time, event, speed))
+        self.speed = self.speeds[-1][2]
 
     def announce(self, time: float, position: Float[np.ndarray, "2"], message: Any) -> None:
         """Another process plans for it, and this is what it told."""

@@ -1,7 +1,6 @@
 """`LiveSurvey`: takes what robots report, in any order and as often as they like, and says where to go next."""
 
 import copy
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,25 +9,39 @@ import jax
 import numpy as np
 
 from maipp.belief.refit import HyperPrior
-from maipp.engine import Planner
 from maipp.errors import InputError
 from maipp.live import queries
-from maipp.live.arrival import Arrival, Made, decide_arrival, turn_home
+from maipp.live.answers import late, state_of, told
+from maipp.live.arrival import Arrival, decide_arrival, turn_home
+from maipp.live.changes import Changes
+from maipp.live.changing import Changed, changed, consider
+from maipp.live.differences import check_same
 from maipp.live.effects import Effect, effect, inside
-from maipp.live.events import Arrived, Budget, Event, Keep, Measurement, Withdraw, fingerprint, read_event, write_event
+from maipp.live.events import (
+    Arrived,
+    Budget,
+    Change,
+    Event,
+    Keep,
+    Measurement,
+    OfRobot,
+    Withdraw,
+    fingerprint,
+    read_event,
+    write_event,
+)
 from maipp.live.gate import LEVEL
 from maipp.live.journal import Journal
 from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
-from maipp.live.messages import describe, pack
 from maipp.live.place import place_of
 from maipp.live.refits import take_up, written
 from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
-from maipp.live.site import Site
-from maipp.live.units import Units
+from maipp.live.setups import prepared_setup, scenario_setup
 from maipp.live.whole import whole
-from maipp.live.world import Setup, World, draw_world, make_gate, make_setup
+from maipp.live.world import Setup, World, draw_world, make_gate
+from maipp.live.worlds import Worlds
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
@@ -48,19 +61,17 @@ class LiveSurvey:
 
         Raises `InputError` for a journal that is damaged, in use, or of another mission.
         """
-        self.world, self.setup = world, setup
+        self.setup, self._worlds, self._changes = setup, Worlds(world, setup), Changes()
         real = np.dtype(jax.dtypes.canonicalize_dtype(float))
         gate = make_gate(world.mission, world.scenario, setup.gate, setup.adapt)
         self._measurements = Measurements(len(setup.robots), setup.room, real, gate)
         self._answers: dict[str, tuple[bytes, dict[str, Any]]] = {}
         self._unsound: str | None = None  # id of an event that may be in the journal and is not yet taken over
-        planner: Planner = world.planner
-        numbers = world.mission.params
-        self._nothing = jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
+        numbers, nothing = world.mission.params, self._worlds.nothing(len(setup.robots))
         starts = np.asarray(world.mission.start, np.float64)
         speeds, budgets = (np.asarray(a, np.float64).tolist() for a in (numbers.speeds, numbers.budgets))
         self._robots = [
-            Robot(name, speed, budget, *self._nothing, leg=np.array([start]))
+            Robot(name, speed, budget, *nothing, leg=np.array([start]))
             for name, start, speed, budget in zip(setup.robots, starts.tolist(), speeds, budgets, strict=True)
         ]
         self._journal = None if journal is None else Journal(journal)
@@ -97,11 +108,7 @@ class LiveSurvey:
         built = make_planner(planner, scenario, options)
         if scenario.obstacles and not built.avoids_obstacles:
             raise InputError(f"planner {planner}: it would cross the no-go zones; give one that keeps out of them")
-        names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
-        units = Units(scenario.extent, epoch=epoch)
-        around = HyperPrior(scenario.length_scale, scenario.noise, scenario.signal_variance**0.5)
-        hyper = around if adapt is True else adapt or None
-        setup = make_setup(scenario, planner, options, seed, names, units, gate, hyper)
+        setup = scenario_setup(scenario, planner, options, seed, robots, epoch, gate, adapt, prior, prior_noise)
         return cls(draw_world(built, scenario, seed, prior, prior_noise), setup, journal)
 
     @classmethod
@@ -118,13 +125,9 @@ class LiveSurvey:
         `epoch` is the caller's time of the start (s). Raises `InputError` as `from_scenario`.
         """
         built = prepared.make_planner()
-        units = Units(prepared.scenario.extent, prepared.frame, epoch, prepared.seconds_per_time)
         seed = prepared.survey.seed if seed is None else seed
-        name, options = prepared.planner, prepared.planner_options
-        scenario, gate, site = prepared.scenario, prepared.survey.gate, Site.of(prepared)
-        setup = make_setup(scenario, name, options, seed, prepared.names, units, gate, prepared.adapt, site)
-        world = draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise)
-        return cls(dataclasses.replace(world, least_beta=prepared.least_beta), setup, journal)
+        setup, scenario = prepared_setup(prepared, seed, epoch), prepared.scenario
+        return cls(draw_world(built, scenario, seed, prepared.prior, prepared.prior_noise), setup, journal)
 
     # What a caller asks and reports.
 
@@ -134,7 +137,7 @@ class LiveSurvey:
         Raises `InputError`, and changes nothing, for a request that is not right.
         """
         if "event" in request:
-            return self.report(read_event(request, self.setup.robots))
+            return self.report(read_event(request, self._names))
         if "query" in request:
             return self._ask(read_query(request))
         raise InputError("neither an event nor a query; give one of the keys `event` and `query`")
@@ -170,12 +173,13 @@ class LiveSurvey:
     def hello(self) -> dict[str, Any]:
         """Who answers here: protocol, planner, robots and units."""
         self._check_sound()
-        return queries.hello(self.world, self.setup, self._robots, len(self._answers))
+        return queries.hello(self.world, self.setup, self._robots, len(self._answers), self._changes)
 
     def state(self) -> dict[str, Any]:
         """What is known of the robots, and how much has been reported."""
         self._check_sound()
-        return queries.state(self.world, self.setup, self._robots, len(self._answers), self._measurements)
+        events = len(self._answers)
+        return queries.state(self.setup, self._robots, events, self._measurements, self._changes)
 
     def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
@@ -196,6 +200,19 @@ class LiveSurvey:
         if self._unsound is None:
             return "nothing was changed"
         return "the event is in the journal, start again on it" if self._journal is not None else "start anew"
+
+    @property
+    def world(self) -> World:
+        """What decisions are made in now; drawn anew when it is first needed after a change."""
+        return self._worlds.of(self._changes)
+
+    @property
+    def _nothing(self) -> tuple[Any, Any]:
+        return self._worlds.nothing(len(self._robots))
+
+    @property
+    def _names(self) -> list[str]:
+        return [robot.name for robot in self._robots]
 
     @property
     def cut(self) -> int:
@@ -223,38 +240,32 @@ class LiveSurvey:
             answer = self.hello() if isinstance(query, Hello) else self.state()
         return {"answer": answer.pop("answer")} | name | answer
 
-    def _robot(self, event: Event) -> Robot:
-        return self._robots[self.setup.robots.index(event.robot)]
+    def _robot(self, event: OfRobot) -> Robot:
+        return self._robots[self._names.index(event.robot)]
 
     def _arrival(self, robot: Robot, position: Float[np.ndarray, "2"], time: float, odometer: float) -> Arrival:
         """A robot at a position; it stands for the one of its name."""
         team = [robot if each.name == robot.name else each for each in self._robots]
-        world = self.world.known(self._measurements.kernel)
+        world = self.world.known(self._measurements.kernel, self.setup.beta_follows)
         return Arrival(world, team, self._measurements.slots(), robot, position, time, odometer)
 
     def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """The answer to an event, and what it changes besides: for an arrival, and a budget that sends a robot home."""
         if isinstance(event, Budget):
             return self._granted(event, inner)
+        if isinstance(event, Change):
+            return consider(event, inner, self._changes, self._robots, self._worlds)
         if isinstance(event, Measurement | Withdraw | Keep):
-            return judged(event, self._effect(event, inner, {}, None), self._measurements), None
+            return judged(event, self._of_robot(event, inner, {}, None), self._measurements), None
         if not isinstance(event, Arrived):
             return {"answer": "noted", "id": event.id}, None
         robot, head = self._robot(event), {"id": event.id, "robot": event.robot}
-        time, position, told = inner["time"], inner["position"], inner["travelled"]
+        time, position, travelled = inner["time"], inner["position"], inner["travelled"]
         if time < robot.latest and (robot.answer is not None or robot.status == GONE):
-            return self._late(robot, head), {"late": told}
-        odometer = robot.travelled(position, told)
+            return late(robot, head, self.setup.units), {"late": travelled}
+        odometer = robot.travelled(position, travelled)
         made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
-        state = {
-            "odometer": odometer,
-            "planned": made.planned,
-            "leg": made.leg.tolist(),
-            "homeward": made.homeward,
-            "message": pack(made.message),
-            "memory": pack(made.memory),
-        }
-        return self._told(made, head) | self._way(robot, odometer) | self._message(made), state
+        return told(made, head, robot, odometer, self.setup.units), state_of(made, odometer)
 
     def _granted(self, event: Budget, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """The answer to a budget: noted, or the way home of a robot whose leg has become too long."""
@@ -268,44 +279,33 @@ class LiveSurvey:
             return {"answer": "noted", "id": event.id}, None
         state = {"odometer": odometer, "planned": made.planned, "leg": made.leg.tolist()}
         head = {"id": event.id, "robot": event.robot}
-        return self._told(made, head) | self._way(robot, odometer) | self._message(made), state
-
-    def _told(self, made: Made, head: dict[str, Any]) -> dict[str, Any]:
-        units = self.setup.units
-        if made.reason is not None:
-            return {"answer": "stop"} | head | {"reason": made.reason}
-        way = {"waypoints": units.points_out(made.leg[1:]), "measure": units.points_out(made.measure)}
-        return {"answer": "home" if made.homeward else "go"} | head | way | {"arrival": units.time_out(made.arrival)}
-
-    def _message(self, made: Made) -> dict[str, Any]:
-        return {"message": None if made.reason is not None else describe(made.message, self.setup.units)}
-
-    def _late(self, robot: Robot, head: dict[str, Any]) -> dict[str, Any]:
-        """The answer to a report that is older than the robot's latest: what it was told there stands."""
-        if robot.answer is None:
-            stop = {"answer": "stop"} | head | {"reason": "gone"} | self._way(robot, robot.odometer)
-            return stop | {"message": None, "late": True}
-        again = {key: value for key, value in robot.answer.items() if key not in ("answer", "id", "robot")}
-        return {"answer": robot.answer["answer"]} | head | again | {"late": True}
-
-    def _way(self, robot: Robot, odometer: float) -> dict[str, Any]:
-        units, left = self.setup.units, max(robot.budget - odometer, 0.0)
-        return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}
+        return told(made, head, robot, odometer, self.setup.units), state
 
     def _effect(
         self, event: Event, inner: dict[str, Any], answer: dict[str, Any], state: dict[str, Any] | None
+    ) -> Effect | Changed:
+        if isinstance(event, Change):
+            return changed(event, inner, state, self._changes, self._robots, self._worlds)
+        return self._of_robot(event, inner, answer, state)
+
+    def _of_robot(
+        self, event: OfRobot, inner: dict[str, Any], answer: dict[str, Any], state: dict[str, Any] | None
     ) -> Effect:
-        number = self.setup.robots.index(event.robot)
+        number = self._names.index(event.robot)
         return effect(event, inner, (number, self._robots[number]), answer, state, self._nothing)
 
-    def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: Effect) -> None:
+    def _apply(self, event: Event, digest: bytes, answer: dict[str, Any], effect: Effect | Changed) -> None:
         """Take over an effect. Once begun, nothing is answered until it has been done in full."""
         self._unsound = event.id
-        if effect.sample is not None:
-            self._measurements.add(effect.sample, event.id)
-        if effect.decision is not None and isinstance(event, Withdraw | Keep):
-            self._measurements.decide(event.measurement, effect.decision)
-        self._robots[self.setup.robots.index(event.robot)] = effect.robot
+        if isinstance(effect, Changed):
+            self._changes, self._robots = effect.changes, effect.robots
+            self._measurements.admit(len(self._robots), self._worlds.room(self._changes))
+        else:
+            if effect.sample is not None:
+                self._measurements.add(effect.sample, event.id)
+            if effect.decision is not None and isinstance(event, Withdraw | Keep):
+                self._measurements.decide(event.measurement, effect.decision)
+            self._robots[self._names.index(effect.robot.name)] = effect.robot
         self._answers[event.id] = digest, answer
         self._unsound = None
 
@@ -326,27 +326,21 @@ class LiveSurvey:
             "seed": setup.seed,
             "robots": list(setup.robots),
             "epoch": setup.units.epoch,
-            "mission": setup.digest(self.world),
-        }
+            "mission": setup.digest(self._worlds.base),
+        } | ({"keys": setup.keys} if setup.keys else {})
 
     def _replay(self) -> None:
         """Take up what the journal holds, or begin it."""
         if self._journal is None:
             return
-        header, where = self._header(), self._journal.path
+        header = self._header()
         if not self._journal.records:
             self._journal.append(header | {"place": place_of(self.world, self.setup).to_dict()})
             return
-        found = self._journal.records[0]
-        for key, mine in header.items():
-            if found.get(key) != mine:
-                told = "" if key == "mission" else f" ({key} {found.get(key)!r} instead of {mine!r})"
-                raise InputError(
-                    f"{where}: the journal of another survey{told}; give it its own mission, or a new file"
-                )
+        check_same(self._journal.records[0], header, str(self._journal.path))
         for record in self._journal.records[1:]:
             take_up(self._measurements.fits, record.get("kernels", {}))
-            event = read_event(record["event"], self.setup.robots)
+            event = read_event(record["event"], self._names)
             inner = inside(event, self.setup.units, self._nothing, self.setup.gate > 0)
             effect = self._effect(event, inner, record["answer"], record.get("state"))
             self._apply(event, fingerprint(event), record["answer"], effect)

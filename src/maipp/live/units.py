@@ -4,10 +4,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
+from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
 from maipp.live.sample import LARGEST_VALUE
+from maipp.roadmap import Obstacles
+from maipp.surveys.systems import PIECES
 from maipp.typing import Float
 
 Pair = tuple[float, float]
@@ -16,6 +20,9 @@ Pair = tuple[float, float]
 _OUTSIDE = 1.0
 _LARGEST_LENGTH = 1e4  # domain units
 _LARGEST_TIME = 1e8  # seconds
+_STRAIGHT = 1e-7  # domain units: vertices off a straight line by less are on it
+_SPEEDS = (1e-6, 1e4)  # domain units per unit of time
+_FARTHEST = 100.0  # prior standard deviations that a threshold may be from the prior mean, as in mission files
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,42 @@ class Units:
             swapped = " (longitude comes first)" if self.frame is not None and self.frame.geographic else ""
             raise InputError(f"{key}: {list(point)} is far outside of the survey's area{swapped}")
         return x + 0.0, y + 0.0
+
+    def polygon(self, key: str, ring: tuple[Pair, ...]) -> tuple[Pair, ...]:
+        """Domain positions around the caller's polygon, whose edges are straight in the caller's coordinates.
+
+        Raises `InputError` for one that crosses itself, has no area, or does not meet the domain.
+        """
+        inner = [self.position(f"{key}[{index}]", point) for index, point in enumerate(ring)]
+        try:
+            (polygon,) = Obstacles([inner]).polygons
+        except InputError as error:
+            raise InputError(str(error).replace("obstacle 0", key, 1)) from None
+        if self.frame is not None and self.frame.geographic:
+            drawn = Polygon(ring)
+            west, south, east, north = drawn.bounds
+            dense = shapely.segmentize(drawn, max(east - west, north - south) / PIECES)
+            polygon = Polygon(self.frame.to_domain(shapely.get_coordinates(dense))).simplify(_STRAIGHT)
+        if shapely.intersection(polygon, shapely.box(0.0, 0.0, *self.extent)).area <= 0:
+            raise InputError(f"{key}: lies outside of the survey's area and would change nothing")
+        return tuple((x + 0.0, y + 0.0) for x, y in shapely.get_coordinates(polygon)[:-1].tolist())
+
+    def speed(self, key: str, speed: float) -> float:
+        """The scenario's speed of the caller's lengths per second."""
+        inner = speed / self._scale * self.seconds_per_time
+        if not _SPEEDS[0] <= inner <= _SPEEDS[1]:
+            raise InputError(f"{key}: {speed:g} is no speed of a robot here, in {self.names['length']} per second")
+        return inner
+
+    def threshold(self, key: str, value: float) -> float:
+        """Standardised value of the caller's threshold."""
+        inner = value if self.frame is None else float(self.frame.to_domain_values(value))
+        if not abs(inner) <= _FARTHEST:
+            raise InputError(
+                f"{key}: {value:g} lies more than {_FARTHEST:g} prior standard deviations from the prior mean; give a "
+                "threshold that values can reach"
+            )
+        return inner + 0.0
 
     def value(self, key: str, value: float, *, gated: bool = False) -> float:
         """Standardised value of the caller's value; of one that a gate judges any finite number will do."""

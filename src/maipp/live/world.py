@@ -1,4 +1,4 @@
-"""What stays the same during a live survey: the problem, the planner, the team, and the random draws."""
+"""What decisions of a live survey are made of: the problem, the planner, and the random draws; and its setup."""
 
 import dataclasses
 import hashlib
@@ -24,7 +24,7 @@ from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
-from maipp.surveys.standardise import EVERYTHING
+from maipp.surveys.standardise import EVERYTHING, interest_beta
 from maipp.typing import Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -39,17 +39,17 @@ class World:
     planner: Planner  # as it was made
     mission: Mission  # unbatched; its ground truth is nobody's, and never read
     key: Key
-    least_beta: float = 0.0  # where it is above 0, the confidence is this many times the standardised threshold, or 1
 
     @cached_property
     def compiled(self) -> Planner:
         """The planner as compiled code takes it."""
         return self.planner.on(self.mission.problem)
 
-    def known(self, kernel: Hyperparameters | None) -> "World":
+    def known(self, kernel: Hyperparameters | None, beta_follows: bool) -> "World":
         """The same in which the field has another kernel, by whose mean and deviation values are standardised.
 
         All are numbers of the problem, so that nothing is compiled for them. None: it stays as it is.
+        `beta_follows` says that the confidence follows from the threshold.
         """
         if kernel is None:
             return self
@@ -57,7 +57,8 @@ class World:
         mission = under(self.mission, guess, kernel)
         if threshold > EVERYTHING:
             threshold = (threshold - kernel.mean) / (kernel.std / guess.std)
-        beta = max(1.0, self.least_beta * threshold) if self.least_beta else self.scenario.beta
+        follows = beta_follows and threshold > EVERYTHING
+        beta = interest_beta(threshold) if follows else self.scenario.beta
         real = mission.grid.dtype
         interest = {"threshold": jnp.asarray(threshold, real), "beta": jnp.asarray(beta, real)}
         params = dataclasses.replace(mission.params, **interest)
@@ -100,6 +101,11 @@ class Setup:
     gate: float = LEVEL  # surprise beyond which a measurement is kept out; 0: none is
     adapt: HyperPrior | None = None  # what the kernel is refitted with under way; None: it stays as it is
     site: Site = Site()  # answers do not depend on it
+    # What follows from the above, and is in no digest:
+    clearance: float = 0.0  # that zones added under way are kept clear of, domain units
+    beta_follows: bool = False  # whether the scenario's `beta` follows from the threshold, as in mission files
+    threshold: float | None = None  # in the caller's unit, as given; None: every place matters alike
+    keys: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # of the mission, for people: `differences`
 
     def digest(self, world: World) -> str:
         """SHA-256 of everything that answers depend on, weights and roadmaps included."""

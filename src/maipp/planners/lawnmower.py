@@ -24,6 +24,8 @@ class Lawnmower(PlanePlanner):
     rows: int = option(0, meaning="rows per strip; 0 chooses by the budget")
     margin: float = option(-1.0, meaning="row ends to strip sides, per strip width; < 0 by the budget")
 
+    memory_of_place = True  # the number of a vertex, whose rows zones cut and teams share
+
     sweep: Sweep | None = eqx.field(default=None, kw_only=True)  # where there are no-go zones: what is left of the rows
 
     def __post_init__(self) -> None:

@@ -63,11 +63,6 @@ class PreparedSurvey:
     prior_noise: float  # standardised variance of the old samples' noise
     adapt: "HyperPrior | None" = None  # what the kernel is refitted with under way; None: it stays as it is
 
-    @property
-    def least_beta(self) -> float:
-        """So many times the standardised threshold, or 1, is the confidence that rules places out; 0: it is given."""
-        return 0.0 if self.survey.threshold is None or "beta" in self.survey.scenario else _PRIOR_BETA
-
     def make_planner(self) -> "Planner":
         """The planner, built for the scenario. Raises `InputError` for a planner or option that does not fit."""
         return build_planner(self.survey, self.scenario, self.planner, self.planner_options)
@@ -227,7 +222,12 @@ def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[
             f"the threshold lies {threshold:.1f} prior standard deviations {side} the prior mean: hardly any place is "
             "expected to reach it"
         )
-    return {"threshold": threshold, "beta": max(_PAPER_BETA, _PRIOR_BETA * threshold)}
+    return {"threshold": threshold, "beta": interest_beta(threshold)}
+
+
+def interest_beta(threshold: float) -> float:
+    """The confidence that rules places out, of a standardised threshold."""
+    return max(_PAPER_BETA, _PRIOR_BETA * threshold)
 
 
 def _check_measurements(survey: Survey, warnings: list[str]) -> None:
