@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from maipp.errors import InputError
 from maipp.live import LiveSurvey, worlds
+from maipp.live.record import read_record
+from maipp.results.journals import taken_live
 from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario
 from tests.live.events import arrived, measured, text
@@ -253,3 +255,29 @@ def test_a_way_home_that_a_zone_makes_too_long_is_told(tmp_path):
         assert (answer["ask"], answer["short"]) == (["robot1"], ["robot1"])
         answer = survey.handle(zone("z2", [[0.45, 0.6], [0.55, 0.6], [0.55, 0.62], [0.45, 0.62]], 1.1))
         assert "short" not in answer
+
+
+def test_the_result_of_a_changed_survey_is_of_what_it_became(make, tmp_path):
+    """Read back without planner and mission: team, zones, threshold and belief are those of the survey at its end."""
+    journal = tmp_path / "j"
+    with make(journal, adapt=True) as survey:
+        survey.handle(arrived("a0"))
+        survey.handle(joined("j", position=[0.2, 0.2]))
+        late = survey.state()["robots"][-1]["name"]
+        survey.handle(zone("z", square(0.7, 0.2), 0.1))
+        survey.handle(threshold("t", 0.2))
+        for index in range(9):
+            place = (0.1 + 0.06 * index, 0.3 + 0.04 * index)
+            survey.handle(
+                measured(f"m{index}", place, 0.2 + 0.01 * index, 0.3 * index, late if index % 2 else "robot2")
+            )
+        grid = survey.belief()
+        record, episode = read_record(journal), taken_live(journal).episode
+        assert record.names == tuple(robot["name"] for robot in survey.state()["robots"])
+        assert record.place.scenario.obstacles == survey.world.scenario.obstacles
+        assert record.place.scenario.threshold == 0.2 and record.place.site.no_go
+        np.testing.assert_array_equal(np.asarray(record.mission.inside), grid["inside"])
+    mean, std = record.belief(np.array(grid["points"]))
+    np.testing.assert_allclose(mean, grid["mean"], atol=1e-6)  # digits of the answer
+    np.testing.assert_allclose(std, grid["std"], atol=1e-6)
+    assert len(episode.agents) == 3 and sum(len(agent.measurement_y) for agent in episode.agents) == 9

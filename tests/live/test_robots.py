@@ -28,17 +28,26 @@ def robot(leg=BENT, time=1.0, odometer=0.4, planned=0.0):
     ],
 )
 def test_the_way_follows_from_positions(position, way):
-    assert robot().travelled(np.array(position), None) == pytest.approx(0.4 + way)
+    assert robot().travelled(np.array(position), None, 1.5) == pytest.approx(0.4 + way)
 
 
-@given(x=st.floats(-1, 1), y=st.floats(-1, 1))
-def test_no_way_is_shorter_than_the_straight_one(x, y):
-    assert robot().travelled(np.array([x, y]), None) >= 0.4 + np.hypot(x, y) - 1e-12
+@given(x=st.floats(-1, 1), y=st.floats(-1, 1), time=st.floats(1, 3))
+def test_no_way_is_shorter_than_the_straight_one(x, y, time):
+    assert robot().travelled(np.array([x, y]), None, time) >= 0.4 + np.hypot(x, y) - 1e-12
+
+
+@pytest.mark.parametrize(("time", "way"), [(1.0, 0.0), (1.1, 0.0), (1.4, 0.2), (9.0, 0.2)])
+def test_out_and_back_is_told_by_the_time(time, way):
+    """Or a robot that ends where it began would travel for ever on its budget."""
+    there = robot(leg=np.array([[1.0, 1.0], [1.0, 0.9], [1.0, 1.0]]))
+    assert there.travelled(np.array([1.0, 1.0]), None, time) == pytest.approx(0.4 + way)
+    beside = there.travelled(np.array([0.999, 1.001]), None, time)
+    assert beside == pytest.approx(0.4 + way, abs=0.003)
 
 
 def test_an_odometer_counts_but_never_backwards():
-    assert robot().travelled(np.array([0.2, 0.1]), 0.77) == 0.77
-    assert robot().travelled(np.array([0.2, 0.1]), 0.1) == 0.4
+    assert robot().travelled(np.array([0.2, 0.1]), 0.77, 1.5) == 0.77
+    assert robot().travelled(np.array([0.2, 0.1]), 0.1, 1.5) == 0.4
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import shapely
-from shapely.geometry import LineString, Point
+from shapely.geometry import LineString
 from shapely.ops import substring
 
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -86,7 +86,26 @@ def shortened(polyline: Float[np.ndarray, "v 2"], length: float) -> Float[np.nda
     return polyline if line.length <= length else shapely.get_coordinates(substring(line, 0.0, length))
 
 
-def followed(polyline: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"]) -> float:
-    """Length of the way along a polyline on the host to its point nearest to a position, and on to the position."""
-    point, line = Point(position), LineString(polyline if len(polyline) > 1 else np.repeat(polyline, 2, axis=0))
-    return float(line.project(point) + line.distance(point))
+def followed(
+    polyline: Float[np.ndarray, "v 2"], position: Float[np.ndarray, "2"], about: float, accuracy: float = 0.05
+) -> float:
+    """Length of the way along a polyline on the host to its point nearest to a position, and on to the position.
+
+    Where it comes by more than once, within `accuracy` of its length, it is the time whose way is nearest to `about`.
+    """
+    offsets = np.diff(polyline, axis=0)
+    steps = np.hypot(*offsets.T)
+    marks = np.concatenate([[0.0], np.cumsum(steps)])
+    if marks[-1] == 0.0:
+        return float(np.hypot(*(position - polyline[0])))
+    offsets, begins, marks = offsets[steps > 0], polyline[:-1][steps > 0], marks[:-1][steps > 0]
+    steps = steps[steps > 0]
+    shares = np.clip(((position - begins) * offsets).sum(axis=1) / steps**2, 0.0, 1.0)
+    gaps = np.hypot(*(begins + shares[:, None] * offsets - position).T)
+    ways = marks + shares * steps
+    near = gaps <= gaps.min() + accuracy * float(steps.sum())
+    # Where it comes by once only, the nearest point itself.
+    apart = np.abs(ways - ways[np.argmin(gaps)]) > 2 * accuracy * float(steps.sum())
+    able = np.flatnonzero((near & apart) | (gaps == gaps.min()))
+    best = able[np.argmin(np.abs(ways[able] - about))]
+    return float(ways[best] + gaps[best])

@@ -13,7 +13,7 @@ from maipp.live.believe import believe
 from maipp.live.changes import Changes
 from maipp.live.changing import proposed
 from maipp.live.effects import effect, inside
-from maipp.live.events import Arrived, Change, Event, Heard, Joined, Keep, Measurement, Withdraw, read_event
+from maipp.live.events import Arrived, Budget, Change, Event, Heard, Joined, Keep, Measurement, Withdraw, read_event
 from maipp.live.ground import Ground
 from maipp.live.journal import read_journal
 from maipp.live.measurements import Measurements
@@ -138,7 +138,7 @@ def _take(record: Record, values: Value) -> None:
     if isinstance(event, Heard):
         event = dataclasses.replace(event, packed="")
     answer, state = _read_answer(values["answer"]), None
-    if isinstance(event, Arrived) or "state" in values:
+    if isinstance(event, Arrived) or (isinstance(event, Budget) and "state" in values):
         state = _read_state(values["state"])
     inner = inside(event, record.place.units, _NOTHING, record.place.gate > 0)
     if isinstance(event, Change):

@@ -83,14 +83,15 @@ class Robot:
         )
         return sum(span * speed for span, speed in spans)
 
-    def travelled(self, position: Float[np.ndarray, "2"], told: float | None) -> float:
+    def travelled(self, position: Float[np.ndarray, "2"], told: float | None, time: float) -> float:
         """Way travelled on arrival at a position: what the odometer says, else along the leg as far as it was followed.
 
+        Of a leg that comes by there more than once, as one out and back, time and speed tell how far.
         Never less than at the last report: an odometer that starts anew does not give a robot its budget back.
         """
         if told is not None:
             return max(told, self.odometer)
-        return self.odometer + followed(self.leg, position)
+        return self.odometer + followed(self.leg, position, self.covered(time))
 
     def before(self, position: Float[np.ndarray, "2"], odometer: float) -> tuple[Any, int]:
         """The planner's memory to decide from there, and how many decisions came before.
@@ -173,7 +174,7 @@ class Robot:
     def announce(self, time: float, position: Float[np.ndarray, "2"], message: Any) -> None:
         """Another process plans for it, and this is what it told."""
         if time >= self.latest:
-            self.odometer = self.travelled(position, None)
+            self.odometer = self.travelled(position, None, time)
             self.latest = self.time = time
             self.leg, self.message, self.status = position[None], message, TRAVELLING
 

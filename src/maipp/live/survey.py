@@ -263,7 +263,7 @@ class LiveSurvey:
         time, position, travelled = inner["time"], inner["position"], inner["travelled"]
         if time < robot.latest and (robot.answer is not None or robot.status == GONE):
             return late(robot, head, self.setup.units), {"late": travelled}
-        odometer = robot.travelled(position, travelled)
+        odometer = robot.travelled(position, travelled, time)
         made = decide_arrival(self._arrival(robot, position, time, odometer), self._nothing)
         return told(made, head, robot, odometer, self.setup.units), state_of(made, odometer)
 
