@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 from fuzz_check import Failure, Target
+from fuzz_field_files import FIELD_FILE_TARGETS
 from fuzz_journals import JOURNAL_TARGETS
 from fuzz_surveys import SURVEY_TARGETS
 
@@ -226,4 +227,4 @@ TARGETS: dict[str, Target] = {
     "weights-tensors": Target(".safetensors", _tensors, lambda: [_weights()[0]], (b"F16", b"BF16", b"I64"), slice=100),
 }
 
-TARGETS |= SURVEY_TARGETS | JOURNAL_TARGETS
+TARGETS |= SURVEY_TARGETS | JOURNAL_TARGETS | FIELD_FILE_TARGETS

@@ -1,6 +1,8 @@
 """Gridded fields in NetCDF files, read with xarray (the extra `maipp[geo]`)."""
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,16 +35,28 @@ def read_netcdf(
         import xarray
     except ImportError:
         raise InputError(f"{path}: NetCDF needs xarray and h5netcdf; pip install 'maipp[geo]'") from None
+    with _quiet():
+        try:
+            # Times are only counted here, and some have units that do not decode.
+            with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, decode_coords="all") as file:
+                return _read(path, file, value, extent, at, fill, own)
+        except InputError:
+            raise
+        except ImportError:  # xarray is there, what reads NetCDF 4 for it is not
+            told = "NetCDF 4 needs h5netcdf and h5py; pip install 'maipp[geo]'"
+        except Exception as error:  # whatever xarray's readers raise on a file that is none or is damaged
+            told = f"not a NetCDF file, or damaged ({first_line(error)})"
+    raise InputError(f"{path}: {told}")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the tracebacks that readers print when they close a file that they could not open."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
-        # Times are only counted here, and some have units that do not decode.
-        with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, decode_coords="all") as file:
-            return _read(path, file, value, extent, at, fill, own)
-    except InputError:
-        raise
-    except ImportError:  # xarray is there, what reads NetCDF 4 for it is not
-        raise InputError(f"{path}: NetCDF 4 needs h5netcdf and h5py; pip install 'maipp[geo]'") from None
-    except Exception as error:  # whatever xarray's readers raise on a file that is none or is damaged
-        raise InputError(f"{path}: not a NetCDF file, or damaged ({first_line(error)})") from None
+        yield
+    finally:
+        sys.unraisablehook = hook
 
 
 def _read(
