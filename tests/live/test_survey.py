@@ -1,5 +1,7 @@
+import dataclasses
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -276,3 +278,21 @@ def test_a_policy_s_memory_and_intents_outlive_the_process(scenario, team, tmp_p
         with opened("cut") as survey:
             assert text([survey.handle(event) for event in told]) == text(answers)
         assert (tmp_path / "cut").read_bytes() == b"".join(lines)
+
+
+def test_a_way_too_short_to_tell_from_none_is_a_stop(make, monkeypatch):
+    """What single precision calls a leg may be none in double precision."""
+    from maipp.live import arrival
+
+    decide = arrival.decide
+
+    def nearly_nowhere(*args):
+        departure = decide(*args)
+        near = jnp.asarray(args[3].position) + jnp.asarray([2e-7, 0.0])
+        return dataclasses.replace(departure, leg=jnp.stack([args[3].position, near]))
+
+    monkeypatch.setattr(arrival, "decide", nearly_nowhere)
+    with make() as survey:
+        answer = survey.handle(arrived("a", position=(0.4, 0.6)))
+        assert (answer["answer"], answer["reason"]) == ("stop", "planner")
+        assert survey.handle(arrived("a", position=(0.4, 0.6))) == answer

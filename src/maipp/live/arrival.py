@@ -141,6 +141,8 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     leg = None if way is None else without_repeats(np.concatenate([here, way]))
     if leg is None:
         return stop("no-go", outcome.memory)
+    if len(leg) < 2:  # in double precision it goes nowhere
+        return stop("planner", outcome.memory)
     if not outcome.homeward:
         leg = shortened(leg, spendable - arrival.odometer)
     return _made(arrival, leg, bool(outcome.homeward), outcome.message, outcome.memory)
