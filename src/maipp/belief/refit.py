@@ -21,8 +21,8 @@ _MOST = 256  # measurements that are fitted to; more are thinned by place
 # Two length scales and a direction replace one length scale where they make the measurements this much more likely
 # (natural logarithm); of an isotropic field, twice this gain is beyond the 99th percentile of chi-square of 2.
 _GAIN, _ANISOTROPIC = 4.6, 20
-# So many of its standard deviations the length scale is taken shorter than the most likely one. With one too long, robots
-# pass by what they take for known, and intervals are too narrow.
+# So many of its standard deviations the length scale is taken shorter than the most likely one. With one too long,
+# robots pass by what they take for known, and intervals are too narrow.
 _CAUTION = 0.5
 _STARTS = (0.35, 1.0, 2.8)  # of the expected length scale, tried where nothing was found before
 _ANGLES = (0.0, 0.25 * math.pi, 0.5 * math.pi, 0.75 * math.pi)
