@@ -50,7 +50,11 @@ def draw(seed: int) -> World:
     covariance = correlations(KERNEL, every, every) + 1e-9 * np.eye(len(every))
     field = np.linalg.cholesky(covariance) @ rng.normal(size=len(every))
     values = field[:COUNT] + KERNEL.noise**0.5 * rng.normal(size=COUNT)
-    return World([Sample(*row, value) for row, value in zip(rows, values.tolist(), strict=True)], grid, field[COUNT:])
+    return World(
+        [Sample(time, robot, x, y, value) for (time, robot, x, y), value in zip(rows, values.tolist(), strict=True)],
+        grid,
+        field[COUNT:],
+    )
 
 
 def spoil(samples: list[Sample], kind: str, share: float, seed: int) -> tuple[list[Sample], set[int]]:
