@@ -58,8 +58,8 @@ def _track(path: Path, sonde: Path) -> Any:
 def _netcdf_seeds() -> list[bytes]:
     import xarray
 
-    axes = {"time": [0, 1], "lat": [52.0, 52.1, 52.2], "lon": [4.0, 4.1, 4.2, 4.3]}
-    values = np.arange(24.0).reshape(2, 3, 4)
+    axes = {"time": [0], "lat": [52.0, 52.1, 52.2], "lon": [4.0, 4.1, 4.2, 4.3]}
+    values = np.arange(12.0).reshape(1, 3, 4)
     grid = xarray.Dataset({"chl": (("time", "lat", "lon"), values)}, coords=axes)
     small = xarray.Dataset({"z": (("y", "x"), values[0])}, coords={"y": axes["lat"], "x": axes["lon"]})
     return [bytes(grid.to_netcdf(engine="scipy")), bytes(small.to_netcdf(engine="scipy")), _hdf5(small)]
