@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maipp.engine.polyline import place_at
+from maipp.engine.polyline import followed, place_at
 from maipp.live.events import Arrived, Measurement
 from maipp.typing import Float
 
@@ -47,18 +47,10 @@ def simulate(survey: "LiveSurvey", field: Field, seed: int) -> int:
         leg = np.concatenate(
             [place[None], [units.position("waypoints", tuple(point)) for point in answer["waypoints"]]]
         )
-        steps = np.hypot(*np.diff(leg, axis=0).T)
-        for point in answer["measure"]:
-            along = _along(leg, steps, np.array(units.position("measure", tuple(point))))
+        length, along = float(np.hypot(*np.diff(leg, axis=0).T).sum()), 0.0
+        for point in answer["measure"]:  # in order, so that a leg out and back is told apart
+            next_one = np.array(units.position("measure", tuple(point)))
+            along = followed(leg, next_one, along + scenario.measurement_interval)
             heapq.heappush(due, (time + along / speeds[robot], next(number), robot, True, place_at(leg, along)))
-        heapq.heappush(due, (time + float(steps.sum()) / speeds[robot], next(number), robot, False, leg[-1]))
+        heapq.heappush(due, (time + length / speeds[robot], next(number), robot, False, leg[-1]))
     return decisions
-
-
-def _along(leg: Float[np.ndarray, "v 2"], steps: Float[np.ndarray, " s"], place: Float[np.ndarray, "2"]) -> float:
-    """How far along a leg the point of it lies that is nearest to a place."""
-    directions = np.diff(leg, axis=0) / np.maximum(steps, 1e-12)[:, None]
-    shares = np.clip(((place - leg[:-1]) * directions).sum(axis=1), 0.0, steps)
-    gaps = np.hypot(*(leg[:-1] + shares[:, None] * directions - place).T)
-    nearest = int(np.argmin(gaps))
-    return float(steps[:nearest].sum() + shares[nearest])

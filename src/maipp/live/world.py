@@ -53,12 +53,11 @@ class World:
         """
         if kernel is None:
             return self
-        guess, threshold = guess_of(self.scenario), self.scenario.threshold
+        guess, threshold, beta = guess_of(self.scenario), self.scenario.threshold, self.scenario.beta
         mission = under(self.mission, guess, kernel)
         if threshold > EVERYTHING:
             threshold = (threshold - kernel.mean) / (kernel.std / guess.std)
-        follows = beta_follows and threshold > EVERYTHING
-        beta = interest_beta(threshold) if follows else self.scenario.beta
+            beta = interest_beta(threshold) if beta_follows else beta
         real = mission.grid.dtype
         interest = {"threshold": jnp.asarray(threshold, real), "beta": jnp.asarray(beta, real)}
         params = dataclasses.replace(mission.params, **interest)
