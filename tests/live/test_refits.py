@@ -16,6 +16,7 @@ from maipp.live.refits import Refits
 from maipp.live.sample import Sample
 from maipp.live.seen import correlations
 from maipp.live.simulate import simulate
+from maipp.results.field_map import field_map
 from maipp.results.journals import taken_live
 from maipp.scenario import Scenario
 
@@ -151,4 +152,13 @@ def test_the_result_is_of_the_fitted_kernel(surveyed, monkeypatch):
         # Conditioned in another order of the slots: what float32 rounds.
         np.testing.assert_allclose(values[0], belief["mean"], atol=2e-3)
         np.testing.assert_allclose(values[1], belief["std"], atol=2e-3)
+    # The map's cells, asked at their middles, are the belief there.
+    taken = taken_live(journal)
+    drawn = field_map(taken, cells=10)
+    rows, columns = drawn.mean.shape
+    x = drawn.west + drawn.cell[0] * (np.arange(columns) + 0.5)
+    y = drawn.north - drawn.cell[1] * (np.arange(rows) + 0.5)
+    mean, std = read_record(journal).belief(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    np.testing.assert_allclose(drawn.mean.ravel(), mean, atol=1e-5)
+    np.testing.assert_allclose(drawn.std.ravel(), std, atol=1e-5)
     assert episode.drawn.to_user_values(episode.scenario.threshold) == pytest.approx(SMALL.threshold, abs=1e-6)

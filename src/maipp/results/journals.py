@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from maipp.live.robots import GONE, STOPPED, WAITING, Robot
 from maipp.results.taken import Out, Taken, TakenRobot, TakenSample, from_home
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import EVERYTHING, PreparedSurvey
+from maipp.typing import Float
 
 _UNIX = 1e8  # s: an epoch above is Unix time (1973), not a clock of the survey's own
 _INSTANTS = 63  # of the curve, besides its begin: one call of what is compiled
@@ -63,9 +65,18 @@ def taken_live(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario 
         truth_known=False,
         samples=tuple(_samples(record)),
         robots=robots,
-        belief=record.belief,
+        belief=partial(_belief, record),
         notes=tuple(notes),
     )
+
+
+def _belief(
+    record: Record, points: Float[np.ndarray, "p 2"]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """The belief in the values of the episode, which are standardised by the kernel that was found."""
+    mean, std = record.belief(points)
+    level, scale = (np.array(number, mean.dtype) for number in record.measurements.standard)
+    return (mean - level) / scale, std / scale
 
 
 def _samples(record: Record) -> list[TakenSample]:
