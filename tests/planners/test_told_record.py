@@ -28,8 +28,11 @@ def survey():
 
 def test_the_survey_is_the_same(survey):
     (recorded, _), states, _ = survey
-    for field in ("route", "route_time", "measurement_x", "measurement_y", "known", "events"):
-        np.testing.assert_array_equal(getattr(recorded, field), getattr(states, field))
+    np.testing.assert_array_equal(recorded.known, states.known)
+    np.testing.assert_array_equal(recorded.events, states.events)
+    for field in ("route", "route_time", "measurement_x", "measurement_y", "measurement_time"):
+        # Two programs: where one fuses a product and a sum, the other rounds between them (1 ulp a leg, a dozen legs).
+        np.testing.assert_allclose(getattr(recorded, field), getattr(states, field), rtol=2e-6, atol=2e-6)
 
 
 def test_every_decision_has_its_entry_in_order(survey):

@@ -13,6 +13,7 @@ from maipp.belief import PriorSamples, condition, mutual_information
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.observe import time_tolerance
+from maipp.engine.polyline import moves_on
 from maipp.engine.score import interest_of, kernel_of
 from maipp.engine.state import REASONS, State
 from maipp.fields import evaluation_grid
@@ -116,7 +117,7 @@ class Episode:
             length = int(host.route_length[index, agent])
             route, times = host.route[index, agent, :length], host.route_time[index, agent, :length]
             # Planners repeat a waypoint to go less far; the record keeps each place once.
-            moved = np.append(True, (np.diff(route, axis=0) != 0).any(axis=1))
+            moved = moves_on(route)
             taken = np.isfinite(host.measurement_time[index, agent])
             agents.append(
                 AgentRecord(

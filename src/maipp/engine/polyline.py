@@ -7,7 +7,7 @@ from shapely.geometry import LineString
 from shapely.ops import substring
 
 from maipp.scenario import DISTANCE_TOLERANCE
-from maipp.typing import Array, Extent, Float, Real
+from maipp.typing import Array, Bool, Extent, Float, Real
 
 
 def along(polyline: Float[Array, "v 2"], distance: Float[Array, "..."]) -> Float[Array, "... 2"]:
@@ -66,11 +66,14 @@ def first_part(start: Float[Array, "2"], path: Float[Array, "w 2"], length: Real
     return along(whole, jnp.minimum(distances(whole)[1:], length))
 
 
+def moves_on(polyline: Float[np.ndarray, "v 2"]) -> Bool[np.ndarray, " v"]:
+    """Vertices of a polyline on the host that are elsewhere than the one before."""
+    return np.append(True, np.hypot(*np.diff(polyline, axis=0).T) > DISTANCE_TOLERANCE)
+
+
 def without_repeats(polyline: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "w 2"]:
     """The polyline on the host without vertices that are where the one before is."""
-    keep = np.ones(len(polyline), bool)
-    keep[1:] = np.hypot(*np.diff(polyline, axis=0).T) > DISTANCE_TOLERANCE
-    return polyline[keep]
+    return polyline[moves_on(polyline)]
 
 
 def place_at(polyline: Float[np.ndarray, "v 2"], distance: float) -> Float[np.ndarray, "2"]:

@@ -145,6 +145,10 @@ def _run_lanes(
     def going(state: State) -> Bool[Array, " l"]:
         return jnp.any(state.active, axis=-1) & ~jnp.any(state.full, axis=-1)
 
+    pair = jax.vmap(begin)(*jax.tree.map(lambda a: a[:lanes], (missions, begun)))
+    if lanes == count:  # none waits: a quarter less to compile
+        return lax.while_loop(lambda pair: jnp.any(going(pair[0])), lambda pair: go(missions, pair, keys), pair)
+
     def take_up(new: Bool[Array, ""], mission: Mission, first: _Pair | None, pair: _Pair) -> _Pair:
         return jax.tree.map(partial(jnp.where, new), begin(mission, first), pair)
 
@@ -172,7 +176,6 @@ def _run_lanes(
         waiting = jnp.minimum(lane.waiting + jnp.sum(over), count)
         return _Lanes(number, over & (number < count), lane.state, waiting, final)
 
-    pair = jax.vmap(begin)(*jax.tree.map(lambda a: a[:lanes], (missions, begun)))
     final = jax.tree.map(lambda a: jnp.zeros((count, *a.shape[1:]), a.dtype), pair)
     lane = _Lanes(jnp.arange(lanes), jnp.zeros(lanes, bool), pair, jnp.asarray(lanes), final)
     return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
