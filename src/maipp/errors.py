@@ -26,6 +26,11 @@ def one_line(text: str) -> str:
     return _shortened(escaped)
 
 
+def first_line(error: Exception) -> str:
+    """What an error of a reader says, short enough for a line of ours."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
 def _shortened(text: str) -> str:
     if len(text) <= _LONGEST:
         return text

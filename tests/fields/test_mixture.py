@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from maipp.fields import GaussianMixture, evaluation_grid, sample_mixture
+from maipp.fields.mixture import GaussianMixture, evaluation_grid, sample_mixture
 
 SEEDS = st.integers(0, 2**31 - 1)
 draw = eqx.filter_jit(sample_mixture)

@@ -19,7 +19,7 @@ def dataset(values=VALUES, dims=("lat", "lon"), **coordinates):
     return xarray.Dataset({"chl": (dims, values)}, coords={"lon": LON, "lat": LAT, **coordinates})
 
 
-def write(path, data, engine="h5netcdf", **options):
+def write(path, data, engine="scipy", **options):
     data.to_netcdf(path, engine=engine, **options)
     return path
 

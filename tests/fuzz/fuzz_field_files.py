@@ -4,10 +4,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
+import fuzz_forks
 import numpy as np
 from fuzz_check import Target
 
+from maipp.fields import netcdf_apart
 from maipp.fields.raster_io import load_raster
 from maipp.surveys.joined import joined
 from maipp.surveys.survey import SampleFile
@@ -65,6 +68,11 @@ def _netcdf_seeds() -> list[bytes]:
     return [bytes(grid.to_netcdf(engine="scipy")), bytes(small.to_netcdf(engine="scipy")), _hdf5(small)]
 
 
+def _netcdf(path: Path) -> Any:
+    with patch.object(netcdf_apart, "reply_to", fuzz_forks.reply_to), patch.object(netcdf_apart, "SECONDS", 5.0):
+        return load_raster(path)
+
+
 def _hdf5(grid: Any) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grid.nc"
@@ -76,5 +84,5 @@ FIELD_FILE_TARGETS = {
     "sonde": Target(".csv", _beside("track.csv", _TRACK, _sonde), lambda: [_SONDE], _TIMES, slice=300),
     "track-csv": Target(".csv", _beside("sonde.csv", _SONDE, _track), lambda: [_TRACK], _TIMES, slice=300),
     "track-gpx": Target(".gpx", _beside("sonde.csv", _SONDE, _track), lambda: [_GPX], (b"<trkpt", *_TIMES), slice=300),
-    "raster-nc": Target(".nc", load_raster, _netcdf_seeds, (b"CDF\x01", b"\x89HDF", b"lat", b"time"), slice=150),
+    "raster-nc": Target(".nc", _netcdf, _netcdf_seeds, (b"CDF\x01", b"\x89HDF", b"lat", b"time"), slice=150),
 }

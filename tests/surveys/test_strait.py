@@ -8,7 +8,7 @@ import pytest
 import shapely
 from scipy.interpolate import RegularGridInterpolator
 
-from maipp.fields import evaluation_grid
+from maipp.fields.mixture import evaluation_grid
 from maipp.missions import write_mission_files
 from maipp.roadmap import Obstacles
 from maipp.surveys.expected_mission import expected_mission

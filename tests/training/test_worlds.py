@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.fields import evaluation_grid
-from maipp.fields.mixture import GaussianMixture
+from maipp.fields.mixture import GaussianMixture, evaluation_grid
 from maipp.training.config import TrainConfig
 from maipp.training.learner import Learner
 from maipp.training.rollout import Environment, new_environment, step

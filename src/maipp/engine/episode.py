@@ -16,7 +16,7 @@ from maipp.engine.observe import time_tolerance
 from maipp.engine.polyline import moves_on
 from maipp.engine.score import interest_of, kernel_of
 from maipp.engine.state import REASONS, State
-from maipp.fields import evaluation_grid
+from maipp.fields.mixture import evaluation_grid
 from maipp.geo import GeoReference
 from maipp.problem import Problem, problem_of
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario

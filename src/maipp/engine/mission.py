@@ -15,7 +15,7 @@ from maipp.engine.decision import Planner
 from maipp.engine.prior_checks import prior_arrays
 from maipp.engine.rows import pick
 from maipp.errors import InputError
-from maipp.fields import evaluation_grid, sample_mixture
+from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario

@@ -1,5 +1,4 @@
-"""Ground-truth fields: callables from points (n, 2) to values (n,)."""
+"""Ground-truth fields, and the files of people that hold fields and samples.
 
-from maipp.fields.mixture import GaussianMixture, evaluation_grid, sample_mixture
-
-__all__ = ["GaussianMixture", "evaluation_grid", "sample_mixture"]
+Importing the package imports no module of it: what reads NetCDF in a process of its own must not wait for JAX.
+"""

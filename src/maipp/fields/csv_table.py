@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from maipp.errors import InputError
-from maipp.fields.raster_data import X_NAMES, Y_NAMES
+from maipp.fields.raster_terms import X_NAMES, Y_NAMES
 
 _SEPARATORS = (";", "\t", ",")
 _DEEPEST, _FEW = 200, 20  # lines among which the first of a table is looked for, and that tell how wide it is

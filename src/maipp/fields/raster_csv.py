@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from maipp.errors import InputError
-from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in
+from maipp.fields.raster_data import RasterData, gaps_in
+from maipp.fields.raster_terms import X_NAMES, Y_NAMES, choose
 
 
 def csv_columns(path: Path, header: list[str], value: str | None) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""A checked rectangular grid of values in its file's units, and the names that such grids go by."""
+"""A checked rectangular grid of values in its file's units."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,9 @@ from scipy.ndimage import distance_transform_edt
 from maipp.errors import InputError
 from maipp.geo import PLANE, Crs
 
-X_NAMES = ("x", "lon", "longitude", "easting")
-Y_NAMES = ("y", "lat", "latitude", "northing")
 _NINES = [10.0**digits - 1 for digits in range(3, 9)]  # 999, 9999, ...
 _STRAY = [32767.0, -32767.0, -32768.0, 65535.0, 2147483647.0, -2147483648.0]
 _STRAY += [-99.0, *(sign * nines for nines in _NINES for sign in (1, -1))]
-VALUE_NAMES = ("value", "values", "z", "topo", "data", "depth", "elevation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,21 +127,6 @@ def filled(
 def _nearest(axis: Float[np.ndarray, " k"], position: Float[np.ndarray, " n"]) -> np.ndarray:
     """Index of the nearest entry of an ascending axis."""
     return np.searchsorted((axis[1:] + axis[:-1]) / 2, position)
-
-
-def choose(candidates: list[str], value: str | None, where: str, what: str) -> str:
-    """The one candidate that the person named, that is alone, or that has a customary name."""
-    listed = ", ".join(candidates) or "none"
-    if value is not None:
-        if value not in candidates:
-            raise InputError(f"{where}no {what} named '{value}'; there is: {listed}")
-        return value
-    customary = candidates if len(candidates) == 1 else [c for c in candidates if c.lower() in VALUE_NAMES]
-    if len(customary) == 1:
-        return customary[0]
-    if not candidates:
-        raise InputError(f"{where}no {what} in it")
-    raise InputError(f"{where}more than one {what} ({listed}); choose one with value=NAME")
 
 
 def check_size(values: np.ndarray, source: str) -> None:

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from maipp.errors import InputError
-from maipp.fields.raster_data import RasterData, choose, gaps_in
+from maipp.errors import InputError, first_line
+from maipp.fields.raster_data import RasterData, gaps_in
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
+from maipp.fields.raster_terms import MOST_CELLS, choose
 from maipp.geo import PLANE, Crs, read_crs
-
-MOST_CELLS = 25_000_000  # 200 MB in float64
 
 
 def read_geotiff(
@@ -33,7 +32,7 @@ def read_geotiff(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with rasterio.open(path) as file:
+            with rasterio.open(path, driver="GTiff") as file:  # not what else GDAL reads, HDF5 among it
                 if file.width * file.height > MOST_CELLS:
                     raise InputError(
                         f"{path}: {file.height} x {file.width} cells are too many; cut it to the area or coarsen it "
@@ -77,8 +76,3 @@ def _text(crs: object) -> str:
     """`EPSG:code` where the system has one, else its WKT."""
     epsg = crs.to_epsg()  # type: ignore[attr-defined]
     return f"EPSG:{epsg}" if epsg is not None else crs.to_wkt()  # type: ignore[attr-defined]
-
-
-def first_line(error: Exception) -> str:
-    """What an error of a reader says, short enough for a line of ours."""
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -13,10 +13,11 @@ import numpy as np
 from maipp.errors import InputError
 from maipp.fields.csv_table import read_table
 from maipp.fields.raster_csv import csv_columns, grid_from_rows
-from maipp.fields.raster_data import X_NAMES, Y_NAMES, RasterData, choose, gaps_in, numeric, stray_value
+from maipp.fields.raster_data import RasterData, gaps_in, numeric, stray_value
 from maipp.fields.raster_geotiff import read_geotiff
 from maipp.fields.raster_netcdf import read_netcdf
 from maipp.fields.raster_placed import refuse_extent, without_coordinates
+from maipp.fields.raster_terms import X_NAMES, Y_NAMES, choose
 from maipp.geo import Crs
 
 # What NumPy, zipfile and zlib raise on a file that is not what its suffix says, or is cut short. NumPy's reader of

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from maipp.errors import InputError
 from maipp.fields.csv_table import CsvTable, missing
-from maipp.fields.raster_data import X_NAMES, Y_NAMES
+from maipp.fields.raster_terms import X_NAMES, Y_NAMES
 from maipp.fields.readings import reading
 
 _NAMES = {"x": (*X_NAMES, "long", "lng", "east"), "y": (*Y_NAMES, "north")}

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from maipp.errors import InputError
-from maipp.fields import evaluation_grid
+from maipp.fields.mixture import evaluation_grid
 from maipp.roadmap.free_run import is_free
 from maipp.roadmap.ways import TURNS, sight
 from maipp.roadmap.zones import Borders, FreeSpace, Polygons, borders_of, everywhere, free_space, padded

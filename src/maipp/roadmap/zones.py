@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from maipp.fields import evaluation_grid
+from maipp.fields.mixture import evaluation_grid
 from maipp.roadmap.obstacles import Obstacles
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from maipp.engine import Mission, draw_missions
-from maipp.fields import evaluation_grid, sample_mixture
+from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.problem import Params, Shape, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
