@@ -10,6 +10,7 @@ from maipp.errors import InputError
 from maipp.live import LiveSurvey
 from maipp.live.differences import check_same
 from maipp.live.events import read_event
+from maipp.live.record import read_record
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
 
@@ -145,3 +146,5 @@ def test_changes_of_a_mission_are_in_its_own_units(tmp_path):
         told = json.dumps(state)
     with opened(tmp_path / "j") as survey:
         assert json.dumps(survey.state()) == told
+    read = read_record(tmp_path / "j").place.scenario
+    assert (read.threshold, read.beta) == (2.0, 4.0)

@@ -2,15 +2,19 @@
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from maipp.belief import Interest
 from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.errors import InputError
 from maipp.live import LiveSurvey, refits
+from maipp.live.believe import believe
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.journal import Journal, read_journal
 from maipp.live.record import read_record
 from maipp.live.refits import Refits
 from maipp.live.sample import Sample
@@ -19,6 +23,8 @@ from maipp.live.simulate import simulate
 from maipp.results.field_map import field_map
 from maipp.results.journals import taken_live
 from maipp.scenario import Scenario
+from maipp.surveys.standardise import prepare
+from maipp.surveys.survey_io import parse_survey
 
 GUESS = Hyperparameters(0.0, 1.0, 0.45, 1e-3)
 PRIOR = HyperPrior(0.45, 1e-3)
@@ -162,3 +168,56 @@ def test_the_result_is_of_the_fitted_kernel(surveyed, monkeypatch):
     np.testing.assert_allclose(drawn.mean.ravel(), mean, atol=1e-5)
     np.testing.assert_allclose(drawn.std.ravel(), std, atol=1e-5)
     assert episode.drawn.to_user_values(episode.scenario.threshold) == pytest.approx(SMALL.threshold, abs=1e-6)
+
+
+MISSION = """
+metres: true
+area: [[0, 0], [400, 0], [400, 300], [0, 300]]
+robots: [{name: boat, start: [10, 10], speed: 1.0, budget_m: 3000}]
+measurement_spacing_m: 80
+threshold: 12
+kernel: {length_scale_m: 120, mean: 8, std: 4, adapt: true}
+planner: shared-greedy
+"""
+
+
+@pytest.mark.parametrize("changed", [None, 10.0])  # to what the threshold is changed under way
+@pytest.mark.parametrize("given", [None, 1.5])  # the mission's own confidence
+@pytest.mark.parametrize("earlier", [False, True])  # a journal that does not say whether it follows
+def test_a_result_judges_interest_as_the_decisions_did(changed, given, earlier, tmp_path):
+    settings = {"grid": 8, "nodes": 16, "neighbours": 5} | ({} if given is None else {"beta": given})
+    prepared = prepare(parse_survey(MISSION + f"scenario: {json.dumps(settings)}"))
+    with LiveSurvey.from_prepared(prepared, journal=tmp_path / "j") as survey:
+        for number, (x, y) in enumerate(np.random.default_rng(0).uniform((10, 10), (390, 290), (30, 2)).tolist()):
+            event = {"event": "measurement", "id": f"m{number}", "robot": "boat", "position": [x, y]}
+            value = 9.0 + 2.5 * float(field(np.array([[x, y]]) / 400)[0])
+            survey.handle(event | {"time": float(number), "value": value})
+        if changed is not None:
+            survey.handle({"event": "threshold", "id": "t", "threshold": changed, "time": 40.0})
+        measurements = survey._measurements
+        world = survey.world.known(measurements.kernel, survey.setup.beta_follows)
+        mean, std = believe(survey.world.mission, measurements, np.asarray(world.mission.grid))
+    if earlier:
+        forget(tmp_path / "j", "beta_follows")
+    taken, problem, (level, scale) = taken_live(tmp_path / "j"), world.mission.problem, measurements.standard
+    scenario = taken.episode.scenario
+    assert (scenario.threshold, scenario.beta) == pytest.approx((float(problem.threshold), float(problem.beta)))
+    if given is None:
+        assert abs(scenario.beta - survey.world.scenario.beta) > 0.1
+    else:
+        assert scenario.beta == given
+    interest = Interest(problem.threshold, problem.beta, problem.interest_rule)
+    trace = interest.trace(*map(jnp.asarray, ((mean - level) / scale, (std / scale) ** 2, world.mission.inside)))
+    # Conditioned in another order of the slots: what float32 rounds.
+    assert taken.episode.metrics.trace == pytest.approx(float(trace), rel=1e-3)
+
+
+def forget(journal, key):
+    """Write the journal anew without a key of its place."""
+    (header, *others), _ = read_journal(journal)
+    del header["place"][key]
+    journal.unlink()
+    again = Journal(journal)
+    for record in (header, *others):
+        again.append(record)
+    again.close()

@@ -8,11 +8,23 @@ import jax.numpy as jnp
 from maipp.belief.refit import Hyperparameters
 from maipp.engine import Mission
 from maipp.scenario import Scenario
+from maipp.surveys.standardise import EVERYTHING, interest_beta
 
 
 def guess_of(scenario: Scenario) -> Hyperparameters:
     """The kernel of a scenario."""
     return Hyperparameters(0.0, scenario.signal_variance**0.5, scenario.length_scale, scenario.noise)
+
+
+def interest_under(scenario: Scenario, level: float, scale: float, beta_follows: bool) -> tuple[float, float]:
+    """Threshold and confidence where values are less `level`, in units of `scale`; without a threshold the scenario's.
+
+    `beta_follows` says that the confidence follows from the threshold.
+    """
+    if scenario.threshold <= EVERYTHING:
+        return scenario.threshold, scenario.beta
+    threshold = (scenario.threshold - level) / scale
+    return threshold, interest_beta(threshold) if beta_follows else scenario.beta
 
 
 def under(mission: Mission, guess: Hyperparameters, kernel: Hyperparameters) -> Mission:

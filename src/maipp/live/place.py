@@ -17,7 +17,7 @@ from maipp.live.world import Setup, World, first_room
 from maipp.records import Length, Value, Within
 from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
-from maipp.surveys.standardise import PreparedSurvey
+from maipp.surveys.standardise import PreparedSurvey, interest_beta
 from maipp.typing import Float
 
 _Ring = Annotated[tuple[tuple[Finite, Finite], ...], Length(3)]
@@ -46,6 +46,7 @@ class Place:
     prior: Prior | None
     site: Site
     clearance: float = 0.0  # that zones added under way are kept clear of, domain units
+    beta_follows: bool = False  # whether the scenario's `beta` follows from the threshold
 
     def mission(self) -> Mission:
         """The unbatched mission that beliefs are of: the live survey's, without roadmaps and homes."""
@@ -70,6 +71,7 @@ class Place:
             "area": site.area,
             "no_go": site.no_go,
             "clearance": self.clearance,
+            "beta_follows": self.beta_follows,
             "prior": None if self.prior is None else _columns(self.prior),
         }
 
@@ -96,20 +98,19 @@ def place_of(world: World, setup: Setup) -> Place:
         x, y = np.asarray(mission.prior_x, np.float64), np.asarray(mission.prior_y, np.float64)
         prior = Prior(x, y, np.broadcast_to(np.asarray(noise, np.float64), y.shape))
     starts = np.asarray(mission.start, np.float64)
-    return Place(
-        world.scenario, setup.units, starts, setup.room, setup.gate, setup.adapt, prior, setup.site, setup.clearance
-    )
+    kept = setup.units, starts, setup.room, setup.gate, setup.adapt, prior, setup.site, setup.clearance
+    return Place(world.scenario, *kept, setup.beta_follows)
 
 
 def place_in(mission: PreparedSurvey | Scenario, seed: int, epoch: float) -> Place:
     """The place of a live survey of this mission, for a journal without it; `seed` draws starts left open."""
     if isinstance(mission, Scenario):
         scenario, units, prior = mission, Units(mission.extent, epoch=epoch), None
-        gate, adapt, site, clearance = LEVEL, None, Site(), 0.0
+        gate, adapt, site, clearance, follows = LEVEL, None, Site(), 0.0, False
     else:
         scenario, gate, site, adapt = mission.scenario, mission.survey.gate, Site.of(mission), mission.adapt
         units = Units(scenario.extent, mission.frame, epoch, mission.seconds_per_time)
-        clearance = mission.margin / mission.frame.scale
+        clearance, follows = mission.margin / mission.frame.scale, "beta" not in mission.survey.scenario
         noise = np.full(len(mission.prior_y), mission.prior_noise)
         prior = Prior(mission.prior_x, mission.prior_y, noise) if len(noise) else None
     drawn = draw_missions(scenario.replace(end=None), seed=seed, instances=1, roadmaps=False)
@@ -123,6 +124,7 @@ def place_in(mission: PreparedSurvey | Scenario, seed: int, epoch: float) -> Pla
         prior,
         site,
         clearance,
+        follows,
     )
 
 
@@ -139,6 +141,7 @@ def read_place(key: Value, epoch: float) -> Place:
         room=key["room"].fit(Annotated[int, Within(1, most=1_000_000)]),
         gate=key["gate"].fit(_Level),
         clearance=key["clearance"].fit(Annotated[float, Within(0)]),
+        beta_follows=_follows(key, scenario),
         adapt=_read_adapt(key["adapt"]) if "adapt" in key else None,
         prior=_read_prior(key["prior"], real) if "prior" in key else None,
         site=Site(
@@ -149,6 +152,13 @@ def read_place(key: Value, epoch: float) -> Place:
             threshold=key["threshold"].fit(bool),
         ),
     )
+
+
+def _follows(key: Value, scenario: Scenario) -> bool:
+    """Whether the confidence follows from the threshold; journals of an earlier version do not say it."""
+    if "beta_follows" in key:
+        return key["beta_follows"].fit(bool)
+    return "frame" in key and scenario.beta == interest_beta(scenario.threshold)
 
 
 def _read_prior(key: Value, real: np.dtype) -> Prior:

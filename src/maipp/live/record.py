@@ -25,7 +25,7 @@ from maipp.live.world import make_gate
 from maipp.records import Length, Value, Within
 from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
-from maipp.surveys.standardise import PreparedSurvey
+from maipp.surveys.standardise import PreparedSurvey, interest_beta
 from maipp.typing import Float
 
 # What planners announce and remember is of no use to the result, and its form only they know.
@@ -177,7 +177,9 @@ def _settle(record: Record) -> None:
         return
     scenario = record.ground.scenario(changes)
     if changes.threshold is not None:
-        scenario = scenario.replace(threshold=changes.threshold.value)
+        threshold = changes.threshold.value
+        beta = interest_beta(threshold) if place.beta_follows else scenario.beta
+        scenario = scenario.replace(threshold=threshold, beta=beta)
     zones = tuple(ruling.told for _, ruling in changes.zones if ruling.told is not None)
     given = place.site.threshold or changes.threshold is not None
     site = dataclasses.replace(place.site, no_go=(*place.site.no_go, *zones), threshold=given)

@@ -17,14 +17,13 @@ from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.errors import InputError
 from maipp.live.gate import LEVEL, Gate
-from maipp.live.kernel import guess_of, under
+from maipp.live.kernel import guess_of, interest_under, under
 from maipp.live.refits import Refits
 from maipp.live.seen import Old
 from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
-from maipp.surveys.standardise import EVERYTHING, interest_beta
 from maipp.typing import Float, Key
 
 # Measurements there is room for at first, over those that budgets and interval allow.
@@ -53,11 +52,9 @@ class World:
         """
         if kernel is None:
             return self
-        guess, threshold, beta = guess_of(self.scenario), self.scenario.threshold, self.scenario.beta
+        guess = guess_of(self.scenario)
         mission = under(self.mission, guess, kernel)
-        if threshold > EVERYTHING:
-            threshold = (threshold - kernel.mean) / (kernel.std / guess.std)
-            beta = interest_beta(threshold) if beta_follows else beta
+        threshold, beta = interest_under(self.scenario, kernel.mean, kernel.std / guess.std, beta_follows)
         real = mission.grid.dtype
         interest = {"threshold": jnp.asarray(threshold, real), "beta": jnp.asarray(beta, real)}
         params = dataclasses.replace(mission.params, **interest)

@@ -13,13 +13,13 @@ import numpy as np
 from maipp.belief import PriorSamples
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics
 from maipp.geo import GeoReference
-from maipp.live.kernel import under
+from maipp.live.kernel import interest_under, under
 from maipp.live.measurements import Slots
 from maipp.live.record import Record, read_record
 from maipp.live.robots import GONE, STOPPED, WAITING, Robot
 from maipp.results.taken import Out, Taken, TakenRobot, TakenSample, from_home
 from maipp.scenario import Scenario
-from maipp.surveys.standardise import EVERYTHING, PreparedSurvey
+from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
 _UNIX = 1e8  # s: an epoch above is Unix time (1973), not a clock of the survey's own
@@ -150,9 +150,9 @@ def _episode(record: Record, slots: Slots) -> Episode:
         guess, (level, scale) = record.measurements.guess, record.measurements.standard
         mission = under(mission, guess, kernel)
         frame = (frame or GeoReference.of_domain(scenario.extent)).shifted(level, scale)
-        threshold = scenario.threshold if scenario.threshold <= EVERYTHING else (scenario.threshold - level) / scale
-        found = {"length_scale": kernel.length_scale, "noise": kernel.noise / scale**2, "threshold": threshold}
-        scenario = scenario.replace(**found)
+        threshold, beta = interest_under(scenario, level, scale, place.beta_follows)
+        found = {"length_scale": kernel.length_scale, "noise": kernel.noise / scale**2}
+        scenario = scenario.replace(**found, threshold=threshold, beta=beta)
     if max(counts) > scenario.measurements_per_agent:  # a record has no more slots than budgets allow
         least = (max(counts) + 0.5) * scenario.measurement_interval
         scenario = scenario.replace(budget=tuple(max(budget, least) for budget in scenario.budgets))
