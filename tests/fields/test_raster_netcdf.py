@@ -134,6 +134,7 @@ BAD = {
     "no such dimension": (STACK, {"at": {"depth": 0}}, "no dimension 'depth'; there is: time, lat, lon"),
     "no variable": (xarray.Dataset(coords={"lat": LAT}), {}, "no variable of two or more dimensions"),
     "extent": (dataset(), {"extent": (0.0, 1.0, 0.0, 1.0)}, "its own coordinates"),
+    "no rows": (dataset().isel(lat=[]), {}, "at least 2 x 2 values, this one is 0 x 4"),
     "constant": (dataset(VALUES * 0), {}, "every value is 0"),
 }
 
@@ -141,7 +142,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_grids_give_one_line(case, tmp_path):
     data, options, problem = BAD[case]
-    write(tmp_path / "f.nc", data)
+    write(tmp_path / "f.nc", data, "h5netcdf" if case == "no rows" else "scipy")
     with pytest.raises(InputError, match=problem) as caught:
         load_raster(tmp_path / "f.nc", **options)
     assert str(caught.value).startswith(str(tmp_path)) and "\n" not in str(caught.value)

@@ -6,6 +6,7 @@ process down with it.
 
 import faulthandler
 import json
+import math
 import operator
 import os
 import signal
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, NoReturn
@@ -92,16 +94,15 @@ def answer(path: str, value: str | None, at: Mapping[str, int], seconds: float) 
             warnings.simplefilter("always")
             grid = read_grid(Path(path), value, at)
     except InputError as error:
-        head, arrays = {"error": str(error)}, []
+        head, arrays = {"error": str(error)}, {}
     else:
         head = {item.name: getattr(grid, item.name) for item in fields(grid)}
-        arrays = [np.ascontiguousarray(head[name]) for name in _ARRAYS if head[name] is not None]
-        given = iter(arrays)
-        for name in _ARRAYS:
-            head[name] = None if head[name] is None else [(array := next(given)).dtype.str, array.shape]
+        parts = {name: head.pop(name) for name in _ARRAYS}
+        arrays = {name: np.ascontiguousarray(part) for name, part in parts.items() if part is not None}
+        head["arrays"] = {name: (array.dtype.str, array.shape) for name, array in arrays.items()}
         head["told"] = [str(w.message) for w in caught if issubclass(w.category, UserWarning | RuntimeWarning)]
     out.write(json.dumps(head).encode() + b"\n")
-    for array in arrays:
+    for array in arrays.values():
         out.write(array.data)
     out.flush()
     os._exit(0)  # whatever HDF5 still holds
@@ -113,9 +114,10 @@ def _bound() -> None:
         import resource
     except ImportError:  # Windows
         return
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY if hard < 0 else min(MEMORY, hard), hard))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    for what, most in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CORE, 0)):
+        soft, hard = resource.getrlimit(what)
+        with suppress(ValueError, OSError):  # macOS refuses some
+            resource.setrlimit(what, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
 
 
 def _unpacked(reply: bytes) -> NetcdfGrid:
@@ -126,12 +128,9 @@ def _unpacked(reply: bytes) -> NetcdfGrid:
         raise InputError(head["error"])
     for text in head.pop("told"):
         warnings.warn(one_line(text), stacklevel=2)
-    for name in _ARRAYS:
-        if head[name] is not None:
-            dtype, shape = np.dtype(head[name][0]), head[name][1]
-            size = int(np.prod(shape))
-            head[name] = np.frombuffer(reply, dtype, size, end).reshape(shape)
-            end += size * dtype.itemsize
+    for name, (dtype, shape) in head.pop("arrays").items():
+        array = np.frombuffer(reply, dtype, math.prod(shape), end).reshape(shape)
+        head[name], end = array, end + array.nbytes
     return NetcdfGrid(**head)
 
 
