@@ -2,21 +2,14 @@
 
 import itertools
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from maipp.engine import draw_missions, reset
-from maipp.engine.advance import set_off
-from maipp.engine.decide import decide
-from maipp.engine.observe import due_agent, hear, knowledge, time_tolerance
-from maipp.engine.rows import pick
+from maipp.engine.observe import time_tolerance
 from maipp.live import LiveSurvey, world
 from maipp.live.messages import pack
-from maipp.planners import make_planner
-from maipp.problem import shape_of
 from maipp.scenario import Scenario
+from tests.shared.stepped import Stepped
 
 SCENARIO = Scenario(
     agents=2, budget=(0.9, 0.8), measurement_interval=0.2, start=(0.45, 0.2), grid=6, nodes=16, neighbours=5
@@ -24,51 +17,6 @@ SCENARIO = Scenario(
 WALL = (((0.2, 0.5), (0.7, 0.5), (0.7, 0.6), (0.2, 0.6)),)
 SEED = 4
 SAMPLES = np.array([[0.1, 0.9], [0.8, 0.3], [0.5, 0.75]]), np.array([0.4, -0.2, 1.1])
-
-
-@jax.jit
-def _wake(mission, state):
-    """The first half of an event, up to what the due agent knows."""
-    agent = due_agent(mission, state)
-    state = eqx.tree_at(lambda s: s.time, state, jnp.maximum(state.time, pick(state.arrival, agent)))
-    state, heard = hear(mission, state, agent)
-    return state, knowledge(mission, state, agent, heard)
-
-
-_set_off = eqx.filter_jit(set_off)
-
-
-class Batch:
-    """The batch engine, stepped from the host, its randomness keyed as live surveys key it."""
-
-    def __init__(self, scenario, planner, slots, prior):
-        name, options = planner
-        planner = make_planner(name, scenario, options)
-        shape = shape_of(scenario, slots=slots)
-        drawn = draw_missions(scenario, seed=SEED, instances=1, planner=planner, shape=shape, prior=prior)
-        self.mission = jax.tree.map(lambda a: a[0], drawn)
-        self.planner = planner.on(self.mission.problem)
-        self.state = reset(self.planner, self.mission)
-        self.decided = [0] * scenario.agents
-
-    @property
-    def going(self):
-        return bool(self.state.active.any())
-
-    def known(self):
-        """What the due agent knows."""
-        self.state, known = _wake(self.mission, self.state)
-        return known
-
-    def decide(self, known):
-        """What it decides, and the state after it."""
-        agent = int(known.agent)
-        key = jax.random.fold_in(jax.random.fold_in(jax.random.key(SEED), agent), self.decided[agent])
-        memory = jax.tree.map(lambda a: a[agent], self.state.memory)
-        made = decide(self.planner, self.mission, key, known, memory)
-        self.state = _set_off(self.mission, self.state, known.agent, made)
-        self.decided[agent] += 1
-        return jax.device_get(made)
 
 
 class Crew:
@@ -142,7 +90,7 @@ class Crew:
 
 def follow(scenario, planner, slots, *, prior=None, folder=None, exact):
     """Step both through a whole survey and compare every decision."""
-    batch, crew = Batch(scenario, planner, slots, prior), Crew(scenario, planner, prior, folder)
+    batch, crew = Stepped(scenario, planner, slots, SEED, prior), Crew(scenario, planner, prior, folder)
     for number in itertools.count():
         if not batch.going:
             break
@@ -191,7 +139,7 @@ def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(
 
 def test_what_no_survey_was_told_is_unknown():
     """The check of the equality: a measurement kept back changes what is decided."""
-    batch, crew = Batch(SCENARIO, ("greedy", {}), None, None), Crew(SCENARIO, ("greedy", {}), None)
+    batch, crew = Stepped(SCENARIO, ("greedy", {}), None, SEED), Crew(SCENARIO, ("greedy", {}), None)
     crew.told[0] = set(range(2 * batch.mission.shape.slots))
     legs = []
     while batch.going:

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maipp.belief.refit import Hyperparameters
+from maipp.live import seen
 from maipp.live.gate import LEVEL, Gate
 from maipp.live.sample import Sample
 from maipp.live.seen import Old, correlations
@@ -117,3 +118,22 @@ def test_neither_order_nor_history_matters(data, seed):
         have = sorted([*have, sample])
         found = gate.judge(have)
     assert found == Gate(KERNEL, LEVEL).judge(samples)
+
+
+def test_of_very_many_the_nearest_tell_as_much(monkeypatch):
+    """Beyond 512 only the nearest 96 or so are asked; what they expect differs by a small part of a deviation."""
+    samples = survey(3, count=660)
+    by_near = [verdict.surprise or 0.0 for verdict in Gate(KERNEL, LEVEL).judge(samples)]
+    monkeypatch.setattr(seen, "_MOST", 10_000)
+    by_all = [verdict.surprise or 0.0 for verdict in Gate(KERNEL, LEVEL).judge(samples)]
+    np.testing.assert_array_equal(by_near[:512], by_all[:512])
+    apart = np.abs(np.subtract(by_near[512:], by_all[512:]))
+    assert 0 < np.median(apart) < 0.05 and apart.max() < 0.5  # standard deviations
+
+
+def test_of_very_many_order_and_history_do_not_matter():
+    samples = survey(4, count=600)
+    whole, gate = Gate(KERNEL, LEVEL).judge(samples), Gate(KERNEL, LEVEL)
+    late = {20, 300, 511, 512, 513, 550}
+    gate.judge([sample for index, sample in enumerate(samples) if index not in late])
+    assert gate.judge(samples) == whole

@@ -44,3 +44,15 @@ def test_a_budget_that_is_cut_under_way_sends_it_home_at_once_if_it_must(tmp_pat
         state = text(survey.state())
     with LiveSurvey.from_scenario(SCENARIO, "greedy", journal=tmp_path / "j") as again:
         assert text(again.state()) == state
+
+
+@pytest.mark.parametrize(("off", "answer"), [(0.009, "stop"), (0.011, "home")])
+def test_who_comes_home_as_nearly_as_vehicles_do_is_there(off, answer):
+    """Within a twentieth of the measurement interval of 0.2; else a boat a metre off would go home for ever."""
+    with LiveSurvey.from_scenario(SCENARIO, "greedy") as survey:
+        leg = survey.handle(arrived("a"))
+        away = length([0.5, 0.5], *leg["waypoints"])
+        budget = {"event": "budget", "robot": "robot1", "time": 0.05, "id": "cut", "budget": 0.1 + 1.5 * away}
+        assert survey.handle(budget)["answer"] == "home"
+        told = survey.handle(arrived("b", position=[0.5, 0.5 + off], time=0.2))
+        assert told["answer"] == answer and told.get("reason", "home") == "home"

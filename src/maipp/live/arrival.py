@@ -21,6 +21,9 @@ from maipp.roadmap import Home
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Float
 
+# A robot on its way home is there within this part of the measurement interval: no vehicle reports the very place.
+_NEAR = 0.05
+
 
 @dataclass
 class Arrival:
@@ -33,6 +36,7 @@ class Arrival:
     position: Float[np.ndarray, "2"]  # domain units
     time: float  # the scenario's time
     odometer: float  # domain units
+    within_reach: frozenset[str] | None = None  # names of the robots that it can hear; None: all that are not gone
     drifted: "Arrival | None" = None  # from where it has to come to this position first
 
     @property
@@ -63,11 +67,15 @@ class Arrival:
             "measurement_time": self.slots.time,
             "measured_by": self.slots.by,
             "known": self.slots.mask,
-            "heard": np.array([other.status != GONE and other is not self.robot for other in self.robots]),
+            "heard": np.array([self._hears(other) for other in self.robots]),
             "positions": positions.astype(real),
             "messages": stacked([other.message for other in self.robots]),
         }
         return Knowledge(**jax.device_put(values))
+
+    def _hears(self, other: Robot) -> bool:
+        within = self.within_reach is None or other.name in self.within_reach
+        return within and other.status != GONE and other is not self.robot
 
     @property
     def next_measurement(self) -> np.ndarray:
@@ -133,6 +141,10 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     if arrival.home is None and spendable - arrival.odometer <= DISTANCE_TOLERANCE:
         return stop("budget", robot.memory)
     begun = arrival.from_free()
+    if robot.homeward and arrival.home is not None:
+        _, back = whole_way_home(arrival.home, begun.position)
+        if back <= _NEAR * arrival.world.scenario.measurement_interval:
+            return stop("home", robot.memory)
     outcome = begun.decided()
     if not outcome.go:
         spent = spendable - arrival.odometer <= DISTANCE_TOLERANCE

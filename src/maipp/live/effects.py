@@ -24,7 +24,7 @@ from maipp.live.events import (
 )
 from maipp.live.measurements import Decision
 from maipp.live.messages import unpack
-from maipp.live.robots import Robot
+from maipp.live.robots import GONE, Robot
 from maipp.live.sample import Sample
 from maipp.live.units import Units
 
@@ -83,6 +83,20 @@ def _ends(event: Joined, position: np.ndarray, units: Units) -> tuple[tuple[floa
         return ((x, y),)
     places: Any = event.end if isinstance(event.end[0], tuple) else (event.end,)
     return tuple(units.position("end", place) for place in places)
+
+
+def taken_late(
+    event: Event, inner: dict[str, Any], state: dict[str, Any] | None, robot: Robot
+) -> dict[str, Any] | None:
+    """The `state` of a record that is taken over after other records, in whatever order they come.
+
+    What a robot was told before its latest report stands no more: of such an arrival only the way travelled is of use.
+    """
+    if state is None or inner["time"] >= robot.latest or (robot.answer is None and robot.status != GONE):
+        return state
+    if isinstance(event, Arrived):
+        return {"late": inner["travelled"]}
+    return None if isinstance(event, Budget) else state
 
 
 def effect(

@@ -5,18 +5,13 @@ found. A line is on the disk (fsync) before `append` returns; one that a kill cu
 opened again, since nobody was answered from it. One process at a time holds the file's lock.
 """
 
-import hashlib
-import json
 import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from maipp.errors import InputError
 from maipp.files import sync_folder
-
-_PREFIX = b'{"sum":"'
-_DIGITS = 16  # of a checksum: 64 bits
-_HEAD = len(_PREFIX) + _DIGITS + len(b'",')
+from maipp.live.chain import PREFIX, link, records_of
 
 
 class Journal:
@@ -39,7 +34,7 @@ class Journal:
             if new:
                 sync_folder(self.path.parent)
             content = self._read()
-            self.records, self._chain = checked(content, self.path)
+            self.records, self._chain = records_of(content, self.path)
             self._count, self._size = len(self.records), len(content)
         except BaseException:
             self.close()
@@ -50,9 +45,8 @@ class Journal:
 
         Raises `InputError` where it cannot be written; the journal is then what it was, as after an interrupt.
         """
-        body = json.dumps({"seq": self._count} | record, allow_nan=False, separators=(",", ":")).encode("ascii")
-        chain = _checksum(self._chain, body[1:])
-        line = _PREFIX + chain + b'",' + body[1:] + b"\n"
+        line, chain = link(self._chain, self._count, record)
+        line += b"\n"
         try:
             _write(self._file, line)
             os.fsync(self._file)
@@ -95,7 +89,7 @@ class Journal:
         whole = content[: content.rfind(b"\n") + 1]
         self.cut = len(content) - len(whole)
         if self.cut:
-            if not content.startswith(_PREFIX[: len(content)]):
+            if not content.startswith(PREFIX[: len(content)]):
                 raise InputError(f"{self.path}: line 1 is no line of a journal; give another file")
             os.ftruncate(self._file, len(whole))
             os.fsync(self._file)
@@ -119,32 +113,10 @@ def read_journal(path: str | os.PathLike[str]) -> JournalCopy:
     except OSError as error:
         raise InputError(f"{path}: cannot read the journal: {error.strerror or error}") from None
     whole = content[: content.rfind(b"\n") + 1]
-    records, _ = checked(whole, Path(path))
+    records, _ = records_of(whole, Path(path))
     if not records:
         raise InputError(f"{path}: holds not one whole line of a journal; give the journal of a `maipp live`")
     return JournalCopy(records, len(content) - len(whole))
-
-
-def checked(content: bytes, path: Path) -> tuple[list[dict[str, Any]], bytes]:
-    """The records of whole lines, and the checksum of the last. Raises `InputError` that names the first wrong line."""
-    records, chain = [], b""
-    for line in content.split(b"\n")[:-1]:
-        where = f"{path}: line {len(records) + 1}"
-        body = line[_HEAD:]
-        if not (line.startswith(_PREFIX) and line[_HEAD - 2 : _HEAD] == b'",'):
-            raise InputError(f"{where} is no line of a journal; put back a copy of the file, or give another one")
-        chain = _checksum(chain, body)
-        if line[len(_PREFIX) : _HEAD - 2] != chain:
-            raise InputError(f"{where} is damaged, or lines before it are missing; put back a copy of the file")
-        try:
-            records.append(json.loads(b"{" + body))
-        except (ValueError, RecursionError):
-            raise InputError(f"{where} is no JSON; put back a copy of the file, or give another one") from None
-    return records, chain
-
-
-def _checksum(chain: bytes, body: bytes) -> bytes:
-    return hashlib.sha256(chain + body).hexdigest()[:_DIGITS].encode("ascii")
 
 
 def _write(file: int, content: bytes) -> None:

@@ -113,6 +113,19 @@ def belief(
     return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
 
 
+def header(world: World, setup: Setup) -> dict[str, Any]:
+    """What the first line of a journal says of its survey; `world` is the one that nothing was changed of."""
+    return {
+        "journal": PROTOCOL,
+        "maipp": maipp_version(),
+        "planner": setup.planner,
+        "seed": setup.seed,
+        "robots": list(setup.robots),
+        "epoch": setup.units.epoch,
+        "mission": setup.digest(world),
+    } | ({"keys": setup.keys} if setup.keys else {})
+
+
 def maipp_version() -> str:
     """The version installed."""
     try:

@@ -2,7 +2,8 @@
 
 import dataclasses
 import os
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -12,8 +13,8 @@ from maipp.errors import InputError
 from maipp.live.believe import believe
 from maipp.live.changes import Changes
 from maipp.live.changing import proposed
-from maipp.live.effects import effect, inside
-from maipp.live.events import Arrived, Budget, Change, Event, Heard, Joined, Keep, Measurement, Withdraw, read_event
+from maipp.live.effects import effect, inside, taken_late
+from maipp.live.events import Arrived, Change, Event, Heard, Joined, Keep, Measurement, Withdraw, read_event
 from maipp.live.ground import Ground
 from maipp.live.journal import read_journal
 from maipp.live.measurements import Measurements
@@ -22,7 +23,8 @@ from maipp.live.refits import Fits, take_up
 from maipp.live.request import PROTOCOL
 from maipp.live.robots import Robot
 from maipp.live.world import make_gate
-from maipp.records import Length, Value, Within
+from maipp.live.written import read_answer, read_change
+from maipp.records import Value
 from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey, interest_beta
@@ -30,9 +32,6 @@ from maipp.typing import Float
 
 # What planners announce and remember is of no use to the result, and its form only they know.
 _NOTHING: tuple[Any, Any] = ((), ())
-
-_Way = Annotated[float, Within(0, wide=True)]
-_Leg = Annotated[tuple[tuple[Finite, Finite], ...], Length(1)]
 
 
 class Fix(NamedTuple):
@@ -77,25 +76,36 @@ def read_record(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario
     the path, for a file that is no journal of this protocol, or damaged, and for a mission that is not the survey's.
     """
     (header, *records), torn = read_journal(path)
-    head = Value(header, str(path))
+    numbered = ((f"{path}: line {number}", record) for number, record in enumerate(records, start=2))
+    return make_record(str(path), header, numbered, torn, mission)
+
+
+def make_record(
+    source: str,
+    header: dict[str, Any],
+    records: Iterable[tuple[str, dict[str, Any]]],
+    torn: int = 0,
+    mission: PreparedSurvey | Scenario | None = None,
+) -> Record:
+    """The live survey of a journal's header and records, each with where it stands. Raises as `read_record`."""
+    head = Value(header, source)
     protocol = header.get("journal")
     if protocol != PROTOCOL:
-        raise InputError(f"{path}: a journal of the protocol {protocol!r:.60}; this version reads {PROTOCOL}")
+        raise InputError(f"{source}: a journal of the protocol {protocol!r:.60}; this version reads {PROTOCOL}")
     names, epoch = head["robots"].fit(tuple[str, ...]), head["epoch"].fit(Finite)
     if "place" in head:
         if mission is not None:
-            raise InputError(f"{path}: the journal holds its own mission; leave out --mission")
+            raise InputError(f"{source}: the journal holds its own mission; leave out --mission")
         place = read_place(head["place"], epoch)
     elif mission is not None:
         place = place_in(mission, head["seed"].fit(int), epoch)
     else:
-        raise InputError(f"{path}: a journal of an earlier version, without its mission; give that: --mission FILE")
+        raise InputError(f"{source}: a journal of an earlier version, without its mission; give that: --mission FILE")
     count = place.scenario.agents
     if len(names) != count or len(set(names)) != len(names):
-        raise InputError(f"{path}: {len(set(names))} robots with names of their own; the mission has {count}")
+        raise InputError(f"{source}: {len(set(names))} robots with names of their own; the mission has {count}")
     record = _begun(place, names, head, torn)
-    for number, values in enumerate(records, start=2):
-        where = f"{path}: line {number}"
+    for where, values in records:
         try:
             _take(record, Value(values, where))
         except InputError as error:
@@ -137,14 +147,13 @@ def _take(record: Record, values: Value) -> None:
     event: Event = read_event(values["event"].mapping(), record.names)
     if isinstance(event, Heard):
         event = dataclasses.replace(event, packed="")
-    answer, state = _read_answer(values["answer"]), None
-    if isinstance(event, Arrived) or (isinstance(event, Budget) and "state" in values):
-        state = _read_state(values["state"])
+    answer, state = read_answer(values["answer"]), read_change(event, values)
     inner = inside(event, record.place.units, _NOTHING, record.place.gate > 0)
     if isinstance(event, Change):
-        _change(record, event, inner, values)
+        _change(record, event, inner, state)
         return
     number = record.names.index(event.robot)
+    state = taken_late(event, inner, state, record.robots[number])
     changed = effect(event, inner, (number, record.robots[number]), answer, state, _NOTHING)
     record.robots[number] = changed.robot
     if changed.sample is not None and isinstance(event, Measurement):
@@ -156,12 +165,11 @@ def _take(record: Record, values: Value) -> None:
         record.fixes[number].append(Fix(inner["time"], *inner["position"].tolist()))
 
 
-def _change(record: Record, event: Change, inner: dict[str, Any], values: Value) -> None:
+def _change(record: Record, event: Change, inner: dict[str, Any], state: dict[str, Any] | None) -> None:
     """Take in a change of the survey as a whole."""
     record.changes = proposed(event, inner, record.changes)
-    if "state" in values:
-        anchors = values["state"]["anchors"].fit(tuple[tuple[Finite, Finite], ...])
-        record.changes = dataclasses.replace(record.changes, anchors=anchors)
+    if state is not None:
+        record.changes = dataclasses.replace(record.changes, anchors=state["anchors"])
     if isinstance(event, Joined):
         place, time = inner["position"], inner["time"]
         told = {"leg": place[None], "latest": time, "time": time, "fixes": [(time, 0.0)]}
@@ -186,18 +194,3 @@ def _settle(record: Record) -> None:
     starts = np.array(record.ground.starts(changes))
     record.place = dataclasses.replace(place, scenario=scenario, starts=starts, site=site)
     record.mission = dataclasses.replace(record.place, starts=np.array(scenario.starts)).mission()
-
-
-def _read_answer(key: Value) -> dict[str, Any]:
-    """What of an answer the record is made of."""
-    known = {"answer": str, "surprise": Finite, "reason": str}
-    return {name: key[name].fit(kind) for name, kind in known.items() if name in key}
-
-
-def _read_state(key: Value) -> dict[str, Any]:
-    """What an arrival changed, without what its planner announces and remembers."""
-    if "late" in key.mapping():
-        return {"late": key["late"].fit(_Way) if "late" in key else None}
-    numbers = {name: key[name].fit(_Way) for name in ("odometer", "planned")}
-    homeward = key["homeward"].fit(bool) if "homeward" in key else False
-    return {**numbers, "leg": key["leg"].fit(_Leg), "homeward": homeward, "message": "", "memory": ""}

@@ -1,4 +1,7 @@
-"""The measurements that count, as the next one is judged by them: a Cholesky factor that grows by a row at a time."""
+"""The measurements that count, as the next one is judged by them: a Cholesky factor that grows by a row at a time.
+
+Of very many only those near by tell anything of the next one, and only they are asked.
+"""
 
 from typing import NamedTuple
 
@@ -11,6 +14,7 @@ from maipp.live.sample import Sample
 from maipp.typing import Float
 
 _LARGEST = 1e6  # values and surprises beyond are cut to this, so that squares stay finite
+_MOST, _NEAREST = 512, 96  # beyond so many, so many of the nearest are asked
 _LEAST = 1e-9  # of the signal variance: what is left at least, for a factor that exists
 
 
@@ -25,7 +29,7 @@ class Old(NamedTuple):
 class Expected(NamedTuple):
     """What those before a measurement lead to expect of it."""
 
-    row: Float[np.ndarray, " k"]  # whitened covariances with them
+    row: Float[np.ndarray, " k"]  # whitened covariances with them, or with the nearest
     deviation: float  # of the measurement
     score: float  # standard deviations that it is from the expected value
 
@@ -47,31 +51,34 @@ class Seen:
         self.count = self.old
         room = max(2 * self.old, 64)
         self.x, self.y, self.factors = np.zeros((room, 2)), np.zeros(room), np.ones(room)
-        self._rows, self._white = np.zeros((room, room)), np.zeros(room)
         if old is not None:
             self.x[: self.old], self.y[: self.old], self.factors[: self.old] = old
+        self._rows, self._white = np.zeros((0, 0)), np.zeros(0)
+        self._factored: tuple[int, Hyperparameters | None] = 0, None  # how many have rows, and under which kernel
         self.kernel = kernel
-        self._factor()
 
     def turn_to(self, kernel: Hyperparameters) -> None:
         """Go on under another kernel."""
-        if kernel != self.kernel:
-            self.kernel = kernel
-            self._factor()
+        self.kernel = kernel
 
     def rewind(self, count: int, kernel: Hyperparameters) -> None:
         """Forget all but the first so many."""
-        self.count = count
-        self.turn_to(kernel)
+        self.count, self.kernel = count, kernel
+        self._factored = min(self._factored[0], count), self._factored[1]
 
     def expected(self, sample: Sample) -> Expected:
         """What is expected of a measurement."""
-        at, count, variance = np.array([[sample.x, sample.y]]), self.count, self.kernel.std**2
-        known = variance * correlations(self.kernel, self.x[:count], at)[:, 0]
-        row = solve_triangular(self._rows[:count, :count], known, lower=True, check_finite=False) if count else known
-        left = max(variance - float(row @ row), _LEAST * variance)
+        count, place = self.count, np.array([[sample.x, sample.y]])
+        if count <= _MOST:
+            self._factor()
+            x, rows, white = self.x[:count], self._rows[:count, :count], self._white[:count]
+        else:
+            x, rows, white = self._near(place)
+        known = self.kernel.std**2 * correlations(self.kernel, x, place)[:, 0]
+        row = solve_triangular(rows, known, lower=True, check_finite=False) if len(x) else known
+        left = max(self.kernel.std**2 - float(row @ row), _LEAST * self.kernel.std**2)
         deviation = float(np.sqrt(left + self.kernel.noise))
-        rest = _cut(sample.value) - self.kernel.mean - float(row @ self._white[:count])
+        rest = _cut(sample.value) - self.kernel.mean - float(row @ white)
         return Expected(row, deviation, float(_cut(rest / deviation)))
 
     def accept(self, sample: Sample, expected: Expected | None = None) -> None:
@@ -81,20 +88,44 @@ class Seen:
         if count == len(self.x):
             self.x = np.concatenate([self.x, np.zeros_like(self.x)])
             self.y, self.factors = (np.concatenate([a, np.ones_like(a)]) for a in (self.y, self.factors))
-            self._white = np.concatenate([self._white, np.zeros_like(self._white)])
-            self._rows = np.pad(self._rows, ((0, count), (0, count)))
         self.x[count], self.y[count], self.factors[count] = (sample.x, sample.y), _cut(sample.value), 1.0
-        self._rows[count, :count], self._rows[count, count], self._white[count] = row, deviation, score
+        if count < _MOST and self._factored == (count, self.kernel):
+            self._make_room(count + 1)
+            self._rows[count, :count], self._rows[count, count], self._white[count] = row, deviation, score
+            self._factored = count + 1, self.kernel
         self.count += 1
 
+    def _make_room(self, count: int) -> None:
+        if count > len(self._white):
+            more = max(count, min(2 * count, _MOST), 64) - len(self._white)
+            self._rows, self._white = np.pad(self._rows, ((0, more), (0, more))), np.pad(self._white, (0, more))
+
     def _factor(self) -> None:
-        """Factor anew all that is there."""
-        count, variance = self.count, self.kernel.std**2
-        covariance = variance * correlations(self.kernel, self.x[:count], self.x[:count])
-        noise = np.maximum(self.kernel.noise * self.factors[:count], _LEAST * variance)
-        self._rows[:count, :count] = cholesky(covariance + np.diag(noise), lower=True) if count else covariance
-        rest = self.y[:count] - self.kernel.mean
-        self._white[:count] = solve_triangular(self._rows[:count, :count], rest, lower=True) if count else rest
+        """Factor all that is there, unless that is done."""
+        count = self.count
+        if self._factored == (count, self.kernel):
+            return
+        self._make_room(count)
+        self._rows[:count, :count], self._white[:count] = self._factor_of(np.arange(count))
+        self._factored = count, self.kernel
+
+    def _near(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The nearest measurements: where, the factor of their covariance, their whitened values."""
+        offsets = self.x[: self.count] - place
+        offsets = offsets if self.kernel.aspect == 1 else offsets @ self.kernel.warp
+        squared = (offsets**2).sum(axis=1)
+        chosen = np.flatnonzero(squared <= np.partition(squared, _NEAREST)[_NEAREST])
+        return self.x[chosen], *self._factor_of(chosen)
+
+    def _factor_of(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, variance = self.x[chosen], self.kernel.std**2
+        covariance = variance * correlations(self.kernel, x, x)
+        if not len(chosen):
+            return covariance, np.zeros(0)
+        noise = np.maximum(self.kernel.noise * self.factors[chosen], _LEAST * variance)
+        rows = cholesky(covariance + np.diag(noise), lower=True, check_finite=False)
+        white = solve_triangular(rows, self.y[chosen] - self.kernel.mean, lower=True, check_finite=False)
+        return rows, white
 
 
 def _cut(value: float) -> float:

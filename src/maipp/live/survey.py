@@ -36,7 +36,7 @@ from maipp.live.judged import judged
 from maipp.live.measurements import Measurements
 from maipp.live.place import place_of
 from maipp.live.refits import take_up, written
-from maipp.live.request import PROTOCOL, Belief, Hello, Query, read_query
+from maipp.live.request import Belief, Hello, Query, read_query
 from maipp.live.robots import GONE, Robot
 from maipp.live.setups import prepared_setup, scenario_setup
 from maipp.live.whole import whole
@@ -55,6 +55,9 @@ class LiveSurvey:
     the same answer again and changes nothing. Opened anew on its journal, the survey goes on where it was. Not for use
     by several threads at once. Close it, or use it in a `with` block, to release the journal.
     """
+
+    # Names of the robots that a robot deciding now can hear; None: all that are not gone.
+    within_reach: frozenset[str] | None = None
 
     def __init__(self, world: World, setup: Setup, journal: str | os.PathLike[str] | None = None) -> None:
         """Begin the survey, or go on with the one in the journal; without a journal nothing outlives the process.
@@ -75,6 +78,7 @@ class LiveSurvey:
             for name, start, speed, budget in zip(setup.robots, starts.tolist(), speeds, budgets, strict=True)
         ]
         self._journal = None if journal is None else Journal(journal)
+        self._keep = None if self._journal is None else self._journal.append
         try:
             self._replay()
         except BaseException:
@@ -158,12 +162,12 @@ class LiveSurvey:
         answer, state = self._answer(event, inner)
         whole(answer)
         effect = self._effect(event, inner, answer, state)
-        if self._journal is not None:
+        if self._keep is not None:
             self._unsound = event.id
             try:
                 record = {"event": write_event(event), "answer": answer} | ({"state": state} if state else {})
                 record |= written(self._measurements.fits)
-                self._journal.append(record)
+                self._keep(record)
             except BaseException:  # the journal is what it was
                 self._unsound = None
                 raise
@@ -199,7 +203,7 @@ class LiveSurvey:
         """After an error of ours, in words: what has become of the event."""
         if self._unsound is None:
             return "nothing was changed"
-        return "the event is in the journal, start again on it" if self._journal is not None else "start anew"
+        return "the event is in the journal, start again on it" if self._keep is not None else "start anew"
 
     @property
     def world(self) -> World:
@@ -247,7 +251,7 @@ class LiveSurvey:
         """A robot at a position; it stands for the one of its name."""
         team = [robot if each.name == robot.name else each for each in self._robots]
         world = self.world.known(self._measurements.kernel, self.setup.beta_follows)
-        return Arrival(world, team, self._measurements.slots(), robot, position, time, odometer)
+        return Arrival(world, team, self._measurements.slots(), robot, position, time, odometer, self.within_reach)
 
     def _answer(self, event: Event, inner: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """The answer to an event, and what it changes besides: for an arrival, and a budget that sends a robot home."""
@@ -312,28 +316,16 @@ class LiveSurvey:
     def _check_sound(self) -> None:
         """Raise `InputError` where an event is in the journal and not in what is known here."""
         if self._unsound is not None:
-            way = "start this survey again on its journal" if self._journal is not None else "start this survey anew"
+            way = "start this survey again on its journal" if self._keep is not None else "start this survey anew"
             raise InputError(f"event {self._unsound[:60]!r} was accepted, and could not be taken over in full; {way}")
 
     # The journal.
-
-    def _header(self) -> dict[str, Any]:
-        setup = self.setup
-        return {
-            "journal": PROTOCOL,
-            "maipp": queries.maipp_version(),
-            "planner": setup.planner,
-            "seed": setup.seed,
-            "robots": list(setup.robots),
-            "epoch": setup.units.epoch,
-            "mission": setup.digest(self._worlds.base),
-        } | ({"keys": setup.keys} if setup.keys else {})
 
     def _replay(self) -> None:
         """Take up what the journal holds, or begin it."""
         if self._journal is None:
             return
-        header = self._header()
+        header = queries.header(self._worlds.base, self.setup)
         if not self._journal.records:
             self._journal.append(header | {"place": place_of(self.world, self.setup).to_dict()})
             return
