@@ -1,7 +1,6 @@
 """`maipp live`: a survey under way; robots' reports on standard input, where to go next on standard output."""
 
 import math
-import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +73,7 @@ def _open(flags: Live) -> "LiveSurvey":
     from maipp.live import LiveSurvey
     from maipp.scenario_io import load_scenario
     from maipp.surveys.standardise import prepare
-    from maipp.surveys.survey_io import load_survey
+    from maipp.surveys.survey_io import is_mission, load_survey
 
     options = assignments(flags.settings)
     if is_mission(flags.mission):
@@ -93,12 +92,3 @@ def _open(flags: Live) -> "LiveSurvey":
         epoch=flags.epoch,
         adapt=flags.adapt,
     )
-
-
-def is_mission(path: Path) -> bool:
-    """Whether the file has keys that only missions have; one that cannot be read is left to the scenario's reader."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, ValueError):
-        return False
-    return re.search(r"""^[{\s"']*(area|robots|measurement_spacing_m)["']?\s*:""", text, re.MULTILINE) is not None

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 from maipp.errors import InputError
@@ -16,7 +17,10 @@ INPUT_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 
 class Command(NamedTuple):
-    """One command: the module `maipp.cli.<name>` has its flags as a dataclass and `run(flags) -> exit code`."""
+    """One command: the module `maipp.cli.<name>` has its flags as a dataclass and `run(flags) -> exit code`.
+
+    A name of two words is that of the module `maipp.cli.<one>_<other>`.
+    """
 
     flags: str  # name of the dataclass
     computes: bool  # whether it uses JAX
@@ -32,6 +36,9 @@ COMMANDS = {
     "result": Command(
         "Result", True, "write what a survey took home, from its journal or record: map, samples, report"
     ),
+    "robot": Command("Robot", True, "run one robot of a fleet: its belief, log, decisions and vehicle"),
+    "fleet": Command("Fleet", True, "watch a fleet of robots on a page, or simulate one"),
+    "fleet keys": Command("Keys", False, "make the certificates by which the robots of a fleet know each other"),
     "planners": Command("Planners", True, "list the planners and their options"),
     "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),
@@ -74,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    name = arguments[0] if arguments else "--help"
+    name, rest = command_of(arguments)
     if name in ("-h", "--help", "help"):
         print(usage(), end="")
         return 0
@@ -86,12 +93,27 @@ def _dispatch(arguments: list[str]) -> int:
     if name not in COMMANDS:
         raise InputError(_unknown_command(name))
     command = COMMANDS[name]
-    if command.computes and not {"-h", "--help"} & set(arguments):
+    if command.computes and not {"-h", "--help"} & set(rest):
         prepare_jax()
     import tyro
 
-    module = importlib.import_module(f"maipp.cli.{name}")
-    return module.run(tyro.cli(getattr(module, command.flags), prog=f"maipp {name}", args=arguments[1:]))
+    return module_of(name).run(tyro.cli(flags_of(name), prog=f"maipp {name}", args=rest))
+
+
+def command_of(arguments: Sequence[str]) -> tuple[str, list[str]]:
+    """The name of the command, of one word or two, and what follows it."""
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
+    return " ".join(arguments[:words]) or "--help", [*arguments[words:]]
+
+
+def module_of(name: str) -> ModuleType:
+    """The module of a command."""
+    return importlib.import_module(f"maipp.cli.{name.replace(' ', '_')}")
+
+
+def flags_of(name: str) -> type:
+    """The dataclass of a command's flags."""
+    return getattr(module_of(name), COMMANDS[name].flags)
 
 
 def _unknown_command(name: str) -> str:

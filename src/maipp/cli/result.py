@@ -10,7 +10,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.cli.live import is_mission
 from maipp.cli.notes import results_console
 from maipp.errors import InputError
 
@@ -54,7 +53,7 @@ def run(flags: Result) -> int:
     taken = read_taken(flags.source, _mission(flags.mission))
     with Console(stderr=True).status("drawing the map"):
         written = write_result(taken, flags.out, cells=cells)
-    _print(written, flags.out)
+    print_result(written, flags.out)
     return 0
 
 
@@ -64,12 +63,13 @@ def _mission(path: Path | None) -> "PreparedSurvey | Scenario | None":
         return None
     from maipp.scenario_io import load_scenario
     from maipp.surveys.standardise import prepare
-    from maipp.surveys.survey_io import load_survey
+    from maipp.surveys.survey_io import is_mission, load_survey
 
     return prepare(load_survey(path)) if is_mission(path) else load_scenario(path)
 
 
-def _print(written: "Written", out: Path) -> None:
+def print_result(written: "Written", out: Path) -> None:
+    """The summary of a result, on standard output."""
     from maipp.results.files import REPORT
     from maipp.results.words import kept_out_rows, robot_rows
     from maipp.viz.report_tables import TRACE

@@ -11,19 +11,19 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from maipp.belief import Matern32
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
 from maipp.engine.score import Standing, moments_of, standing, taken_by
+from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
 from maipp.surveys.survey import Rehearsal, Survey
-from maipp.typing import Array, Float, Key
+from maipp.typing import Array, Float
 
-# Mixed into the seed, so that the drawn fields share no key with the starts and the planners.
-_FIELD_STREAM, _PLANNER_STREAM = 0x5F1E1D, 0xFFFFFFFF
+# Mixed into the seed, so that the planners share no key with the starts and the drawn fields.
+_PLANNER_STREAM = 0xFFFFFFFF
 
 # Of a rehearsed planner whose belief is refitted under way.
 REFITTED = ", refitted"
@@ -121,7 +121,7 @@ def rehearse(
     if rehearsal.raster is not None:
         field = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
     spread = 0.0 if refitted is None or first.adapt is None else first.adapt.scale_spread
-    fields = _drawn(first, rehearsal.fields, seed, spread) if field is None else None
+    fields = drawn_fields(first, rehearsal.fields, seed, spread) if field is None else None
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     teams = []
     for index, ((name, count, prepared), planner) in enumerate(zip(ready, built, strict=True)):
@@ -150,28 +150,6 @@ def _on_fields(missions: Mission, fields: Any) -> Mission:
     """The missions, mission i on field i."""
     truth = jax.jit(jax.vmap(lambda field, grid: field(grid)))(fields, missions.grid)
     return dataclasses.replace(missions, field=fields, truth=truth)
-
-
-def _drawn(prepared: PreparedSurvey, count: int, seed: int, spread: float) -> Any:
-    """`count` fields as likely as the prior and the samples have it, one pytree with a leading axis.
-
-    `spread` is the standard deviation of the length scale's logarithm.
-    """
-    from maipp.fields.gp_field import draw_fields
-
-    scenario = prepared.scenario
-    key = jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM)
-    x, y = prepared.prior or (None, None)
-
-    def drawn(length_scale: float, key: Key, count: int) -> Any:
-        kernel = Matern32(length_scale, scenario.signal_variance)
-        return draw_fields(key, kernel, count, x=x, y=y, noise=prepared.prior_noise)
-
-    if not spread:
-        return drawn(scenario.length_scale, key, count)
-    scales = scenario.length_scale * np.exp(spread * np.random.default_rng([seed, _FIELD_STREAM]).normal(size=count))
-    each = [drawn(float(scale), jax.random.fold_in(key, index), 1) for index, scale in enumerate(scales)]
-    return jax.tree.map(lambda *arrays: jnp.concatenate(arrays), *each)
 
 
 @eqx.filter_jit

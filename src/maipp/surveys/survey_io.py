@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -245,3 +246,12 @@ def _rehearsal(value: Value, folder: Path, readers: _Readers) -> Rehearsal:
     if isinstance(value.value, dict):
         return value.record(Rehearsal, readers)
     return Rehearsal(fields=value.fit(records.Fields))
+
+
+def is_mission(path: Path) -> bool:
+    """Whether the file has keys that only missions have; one that cannot be read is left to the scenario's reader."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, ValueError):
+        return False
+    return re.search(r"""^[{\s"']*(area|robots|measurement_spacing_m)["']?\s*:""", text, re.MULTILINE) is not None
