@@ -15,7 +15,7 @@ $(shell test -x $(BIN)/python || rm -rf $(VENV))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint docs bench clean
+.PHONY: help demo fleet test lint docs bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' Makefile
@@ -26,6 +26,10 @@ demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
 # A file's tests share what they compile, so one worker runs a whole file; files with slow tests come first, so that no
 # worker waits for one at the end (tests/conftest.py).
 WORKERS ?= 2
+
+fleet: $(VENV)/.installed-dev ## three boats as processes of their own, simulated, and the page to watch them on
+	$(BIN)/maipp fleet docs/examples/strait/mission.yaml --simulate --speedup 900 \
+		--with raster=docs/examples/strait/relief.npz --out out/fleet
 
 test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
 	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder)
@@ -63,5 +67,5 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 # After .installed, so that two pips never write to one environment under make -j.
 $(VENV)/.installed-dev: $(VENV)/.installed
 	@echo "installing the development tools into $(VENV)"
-	@$(PIP) --no-build-isolation --editable '.[dev,geo,gis,rl,docs]'
+	@$(PIP) --no-build-isolation --editable '.[dev,geo,gis,rl,fleet,mavlink,docs]'
 	@touch $@

@@ -30,6 +30,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 # Where the name to import is not the name to install.
 IMPORT_NAMES = {
+    "eclipse-zenoh": "zenoh",
     "pyyaml": "yaml",
     "scikit-learn": "sklearn",
     "tensorboardx": "tensorboardX",
@@ -153,7 +154,9 @@ def undeclared(package: Path, core: set[str], extras: set[str]) -> list[str]:
         if top == package.name or top in core or top in sys.stdlib_module_names:
             continue
         if top not in extras:
-            found.append(f"{i.where}: {top} is neither a dependency nor in the extras geo, gis, rl, train")
+            found.append(
+                f"{i.where}: {top} is neither a dependency nor in the extras geo, gis, rl, fleet, mavlink, train"
+            )
         elif i.at_import_time and (room(i.importer) != "adapters" or i.importer.count(".") == 1):
             found.append(f"{i.where}: {top} is an extra: import it in the function that needs it")
     return found
@@ -189,7 +192,11 @@ def test_no_import_circle():
 
 def test_a_plain_installation_is_enough_to_import():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = [line for extra in ("geo", "gis", "rl", "train") for line in project["optional-dependencies"][extra]]
+    extras = [
+        line
+        for extra in ("geo", "gis", "rl", "fleet", "mavlink", "train")
+        for line in project["optional-dependencies"][extra]
+    ]
     assert undeclared(PACKAGE, import_names(project["dependencies"]), import_names(extras)) == []
 
 

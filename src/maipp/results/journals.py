@@ -34,7 +34,11 @@ _STOPPED = {
 
 def taken_live(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario | None = None) -> Taken:
     """What the live survey of a journal took home so far. Raises `InputError` as `read_record`."""
-    record = read_record(path, mission)
+    return taken_from(read_record(path, mission), str(path))
+
+
+def taken_from(record: Record, source: str) -> Taken:
+    """What a live survey took home so far; `source` is where its record is from."""
     place, slots = record.place, record.measurements.slots()
     epoch, site, robots = place.units.epoch, place.site, _robots(record)
     date = datetime.fromtimestamp(epoch, UTC).date().isoformat() if _UNIX < epoch < 1e11 else None
@@ -51,7 +55,7 @@ def taken_live(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario 
             "frames are by their mean"
         )
     return Taken(
-        source=Path(path).name,
+        source=Path(source).name,
         live=True,
         title=site.title,
         date=date,
