@@ -1,0 +1,54 @@
+"""Over a link that brings only so many bytes in time a log still comes, in parts that are small enough."""
+
+import random
+
+import pytest
+
+from maipp.fleet.exchange import PART, Exchange
+from maipp.fleet.hub import Hub, Link
+from maipp.fleet.logs import Logs
+
+MISSION = "5" * 64
+
+
+class Slow(Link):
+    """An end to which an answer comes only if it is not too long."""
+
+    most = 0
+
+    def ask(self, topic, payload, timeout, to=None):
+        answers = super().ask(topic, payload, timeout, to)
+        return {name: answer for name, answer in answers.items() if len(answer) <= self.most}
+
+
+class Everybodys:
+    """Signatures that anybody can make: parts of a log then end where one is kept."""
+
+    def sign(self, origin, head):
+        return head.chain
+
+    def check(self, origin, head):
+        return head.signature == head.chain
+
+
+@pytest.mark.parametrize("seal", [None, Everybodys()])
+def test_a_log_comes_over_a_slow_link(seal):
+    hub, told, rng = Hub(), [], random.Random(0)
+    logs, others = (Logs(None, name, MISSION, seal=seal, tell=told.append) for name in ("a", "b"))
+    assert logs.origin is not None
+    for number in range(2000):
+        place, name = [rng.random(), rng.random()], f"{logs.origin}.{number + 1}"
+        event = {"event": "measurement", "id": name, "robot": "a", "position": place, "value": rng.gauss(0, 1)}
+        logs.append({"event": event, "answer": {"answer": "noted", "id": name}})
+    size = sum(map(len, logs.known[logs.origin].lines))
+    slow = hub.links["b"] = Slow(hub, "b")
+    slow.most = 10_000  # bytes; a radio of 10 kB/s, in the second that an answer may take
+    Exchange(logs, hub.link("a"), dict, lambda origin, records: None, told.append)
+    exchange = Exchange(others, slow, dict, lambda origin, records: None, told.append)
+    rounds = 0
+    while others.length(logs.origin) < logs.length(logs.origin):
+        exchange.round(1.0)
+        rounds += 1
+        assert rounds < 20  # each of which ends with an answer that does not come
+    assert others.known[logs.origin].lines == logs.known[logs.origin].lines
+    assert told == [] and size > PART / 2
