@@ -14,6 +14,7 @@ import numpy as np
 from fuzz_check import Failure, Target
 from fuzz_field_files import FIELD_FILE_TARGETS
 from fuzz_journals import JOURNAL_TARGETS
+from fuzz_lines import LINE_TARGETS
 from fuzz_surveys import SURVEY_TARGETS
 
 from maipp.engine.episode_io import read_episode, write_episode
@@ -227,4 +228,4 @@ TARGETS: dict[str, Target] = {
     "weights-tensors": Target(".safetensors", _tensors, lambda: [_weights()[0]], (b"F16", b"BF16", b"I64"), slice=100),
 }
 
-TARGETS |= SURVEY_TARGETS | JOURNAL_TARGETS | FIELD_FILE_TARGETS
+TARGETS |= SURVEY_TARGETS | JOURNAL_TARGETS | FIELD_FILE_TARGETS | LINE_TARGETS
