@@ -6,7 +6,7 @@
 - yaml, json: read.
 """
 
-import importlib
+import configparser
 import importlib.util
 import json
 import re
@@ -24,7 +24,7 @@ from maipp.benchmarks.tables import TABLES
 from maipp.cli.benchmark import Benchmark
 from maipp.cli.benchmark_table import TableFlags
 from maipp.cli.evaluate import Evaluate, _rows
-from maipp.cli.main import COMMANDS
+from maipp.cli.main import COMMANDS, command_of, flags_of
 from maipp.cli.plan import Plan
 from maipp.cli.train import Train
 from maipp.engine.episode import Episode
@@ -72,7 +72,7 @@ def name(block: Block) -> str:
 
 
 def test_every_block_is_in_a_language_that_is_tested():
-    assert {block.language for block in BLOCKS} <= {"python", "sh", "yaml", "json", "csv", "xml", "text"}
+    assert {block.language for block in BLOCKS} <= {"python", "sh", "yaml", "json", "csv", "xml", "ini", "toml", "text"}
     assert len(of("sh")) > 5 and len(of("python")) > 3
 
 
@@ -143,10 +143,9 @@ COMMAND_LINES = [(name(block), words) for block in of("sh") for words in command
 
 def understood(arguments: list[str]) -> None:
     """Fails where the command line would refuse these arguments of `maipp` before any work begins."""
-    command, *rest = arguments
+    command, rest = command_of(arguments)
     assert command in COMMANDS, f"no command {command}"
-    module = importlib.import_module(f"maipp.cli.{command}")
-    flags = tyro.cli(getattr(module, COMMANDS[command].flags), args=rest)
+    flags = tyro.cli(flags_of(command), args=rest)
     if isinstance(flags, Plan):
         make_planner(flags.planner, flags.to_scenario(), flags.planner_options())
     elif isinstance(flags, Train):
@@ -181,6 +180,20 @@ def test_commands_are_understood(where, words, monkeypatch, as_in_a_fresh_proces
         assert set(extras.split(",")) <= set(project["optional-dependencies"])
     else:
         assert program in ("cat", "cd", "echo", "mkdir", "head", "tail"), f"{where}: nothing checks {program}"
+
+
+@pytest.mark.parametrize("block", of("ini"), ids=name)
+def test_units_start_what_there_is(block):
+    unit = configparser.ConfigParser()
+    unit.read_string(block.text)
+    program, *rest = shlex.split(unit["Service"]["ExecStart"])
+    assert Path(program).name == "maipp"
+    understood(rest)
+
+
+@pytest.mark.parametrize("block", of("toml"), ids=name)
+def test_toml_is_read(block):
+    assert tomllib.loads(block.text)
 
 
 # Stands in for the files that a mission names: a square of some hundred metres, and samples in it.

@@ -1,6 +1,5 @@
 """The README is true: its example runs, its commands are understood, its links lead somewhere."""
 
-import importlib
 import importlib.util
 import re
 import shlex
@@ -11,7 +10,7 @@ import tyro
 
 import maipp
 from maipp.cli.evaluate import Evaluate, _rows
-from maipp.cli.main import COMMANDS
+from maipp.cli.main import COMMANDS, command_of, flags_of
 from maipp.cli.options import ScenarioFlags
 from maipp.cli.plan import Plan
 from maipp.planners import make_planner, planner_names
@@ -53,9 +52,8 @@ def test_the_example_uses_public_names_only():
 
 @pytest.mark.parametrize("arguments", commands("maipp"), ids=shlex.join)
 def test_the_commands_are_understood(arguments):
-    name, *rest = arguments
-    command = COMMANDS[name]
-    flags = tyro.cli(getattr(importlib.import_module(f"maipp.cli.{name}"), command.flags), args=rest)
+    name, rest = command_of(arguments)
+    flags = tyro.cli(flags_of(name), args=rest)
     if isinstance(flags, Evaluate):
         assert len(_rows(flags)) >= 2
     elif isinstance(flags, Plan):
@@ -65,7 +63,7 @@ def test_the_commands_are_understood(arguments):
 
 
 def test_every_command_of_the_command_line_is_shown():
-    assert {arguments[0] for arguments in commands("maipp")} == set(COMMANDS)
+    assert {command_of(arguments)[0] for arguments in commands("maipp")} == set(COMMANDS)
 
 
 def test_modules_that_are_run_exist():
