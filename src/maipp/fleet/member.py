@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import numpy as np
 
 from maipp.errors import InputError
@@ -124,7 +125,7 @@ class Member:
     def announce_intent(self) -> None:
         """Tell whoever hears it what the robot of this log means to do."""
         robot = self.survey.robot(self._own or "")
-        content = b"".join(np.asarray(leaf).tobytes() for leaf in leaves(robot.message))
+        content = b"".join(np.asarray(leaf).tobytes() for leaf in jax.tree.leaves(robot.message))
         self.transport.publish(INTENT, _INTENT.pack(robot.time, *robot.position.tolist()) + content)
 
     def _hear(self, hint: Hint) -> None:
@@ -205,13 +206,6 @@ class Member:
         if event is not None and origin.robot != self._own:
             self._changed(event)
         return event
-
-
-def leaves(message: Any) -> list[Any]:
-    """The arrays of a message."""
-    import jax
-
-    return jax.tree.leaves(message)
 
 
 def is_zone(event: Event) -> bool:

@@ -1,7 +1,5 @@
 """A robot's process: its loop, at its own pace, until it is told to end."""
 
-import time
-from collections.abc import Callable
 from threading import Event
 
 from maipp.fleet.robot import Robot
@@ -14,12 +12,3 @@ def run(robot: Robot, told_to_end: Event, tick: float = TICK) -> None:
     robot.begin()
     while not told_to_end.wait(tick):
         robot.work()
-
-
-def waited_for(ready: Callable[[], bool], told_to_end: Event, seconds: float, tick: float = TICK) -> bool:
-    """Whether something became so within some seconds, and before the event was set."""
-    end = time.monotonic() + seconds
-    while not ready():
-        if time.monotonic() > end or told_to_end.wait(tick):
-            return False
-    return True

@@ -123,12 +123,11 @@ def _check_end(certificate: "Certificate", path: Path, own: bool, tell: Callable
         tell(f"warning: {path} expires on {end:%Y-%m-%d}")
 
 
-def is_loopback(endpoint: str) -> bool:
-    """Whether an address such as tcp/127.0.0.1:7447 can be reached from this computer only."""
-    host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
+def is_loopback(host: str) -> bool:
+    """Whether a host can be reached from this computer only."""
     if host == "localhost":
         return True
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False

@@ -37,7 +37,7 @@ def check_endpoint(endpoint: str, flag: str, private: bool) -> None:
         raise InputError(f"{flag}: {endpoint} needs --keys; maipp fleet keys makes them")
     if match[1] == "tcp" and private:
         raise InputError(f"{flag}: {endpoint} has no use for --keys; give tls/..., or leave out the keys")
-    if match[1] == "tcp" and not is_loopback(endpoint):
+    if match[1] == "tcp" and not is_loopback(endpoint.partition("/")[2].rpartition(":")[0]):
         raise InputError(
             f"{flag}: {endpoint} is open to others; give tls/... and --keys (maipp fleet keys makes them), or an "
             "address of this computer alone, such as tcp/127.0.0.1:7447"

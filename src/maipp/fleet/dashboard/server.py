@@ -1,7 +1,6 @@
 """The server of a dashboard: a thread of its own, loopback unless there is a token and TLS."""
 
 import contextlib
-import ipaddress
 import secrets
 import socket
 import ssl
@@ -15,6 +14,7 @@ from urllib.parse import quote
 from maipp.errors import InputError
 from maipp.fleet.dashboard.app import make_app
 from maipp.fleet.dashboard.board import Board
+from maipp.fleet.security import is_loopback
 
 _START, _STOP = 5.0, 1.5  # s
 _LEAST_TOKEN = 16  # characters
@@ -70,7 +70,7 @@ def serve(
     `certificate` and `key` are PEM files. A client that takes nothing for `stall` seconds is dropped. Raises
     `InputError` for an address beyond this computer without both token and TLS, and where the server cannot be.
     """
-    local = _is_loopback(host)
+    local = is_loopback(host)
     if (certificate is None) != (key is None):
         raise InputError("dashboard: a certificate needs its key, and a key its certificate; give both")
     if not local and (token is None or certificate is None):
@@ -133,15 +133,6 @@ def _load() -> Any:
         raise InputError("the dashboard needs starlette and uvicorn; pip install 'maipp[fleet]'") from None
     assert starlette
     return uvicorn
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _check_pair(certificate: Path, key: Path) -> None:
