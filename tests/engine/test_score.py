@@ -164,7 +164,7 @@ def test_unspent_is_what_the_engine_left_of_the_budgets(finished):
     np.testing.assert_array_equal(metrics.unspent, 0.0)
     assert not metrics.not_finite.any() and not metrics.record_full.any()
     stopped = jnp.array([[SPENT, NOT_FINITE, NOT_FINITE], [RECORD_FULL, BY_PLANNER, TRAVELLING]], jnp.int8)
-    changed = eqx.tree_at(lambda s: (s.stopped_by, s.odometer), states, (stopped, states.odometer / 2))
+    changed = eqx.tree_at(lambda s: (s.status, s.odometer), states, (stopped, states.odometer / 2))
     metrics = score_missions(missions, changed)
     np.testing.assert_array_equal(metrics.not_finite, [2, 0])
     np.testing.assert_array_equal(metrics.record_full, [0, 1])

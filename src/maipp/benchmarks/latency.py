@@ -12,6 +12,7 @@ import numpy as np
 from maipp.engine import Mission, Planner, State, reset
 from maipp.engine.advance import advance
 from maipp.engine.rollout import due_decision
+from maipp.engine.state import UNDER_WAY
 from maipp.typing import Float, Key
 
 
@@ -58,6 +59,12 @@ def compiled_anew(half: partial[Any], *inputs: Any) -> tuple[Any, Callable[..., 
     return program, partial(program, arrays)
 
 
+def _goes_on(state: State) -> bool:
+    """Whether there is a decision left; asked on the host, where it leaves the caches to what is timed."""
+    status, full = np.asarray(state.status), np.asarray(state.full)
+    return bool(np.isin(status, UNDER_WAY).any() and not full.any())
+
+
 def timed_decisions(
     halves: tuple[Callable[..., Any], Callable[..., Any]],
     mission: Mission,
@@ -67,7 +74,7 @@ def timed_decisions(
 ) -> Iterator[float]:
     """Seconds of each decision of a mission from a state on, from observing to the waypoints."""
     decide, proceed = halves
-    while bool(state.active.any()) and not bool(state.full.any()):
+    while _goes_on(state):
         jax.block_until_ready(state)
         begun = clock()
         decided = jax.block_until_ready(decide(mission, state, key))

@@ -62,10 +62,8 @@ def set_off(mission: Mission, state: State, agent: Index, decided: Departure) ->
     return dataclasses.replace(
         state,
         events=state.events + acts.astype(jnp.int32),
-        active=put(state.active, agent, go, ~full),
-        stopped_by=put(state.stopped_by, agent, decided.stopped_by, acts),
+        status=put(state.status, agent, decided.status, acts),
         leg=put(state.leg, agent, jnp.where(go, leg, position), acts),
-        homeward=put(state.homeward, agent, decided.homeward, acts),
         departure=put(state.departure, agent, departure, acts),
         arrival=put(state.arrival, agent, departure + jnp.where(go, length, 0.0) / speed, acts),
         odometer=put(state.odometer, agent, odometer + length, go),

@@ -11,7 +11,7 @@ from maipp.engine.homing import led_home
 from maipp.engine.mission import Mission
 from maipp.engine.observe import observe
 from maipp.engine.polyline import cut_leg, distances
-from maipp.engine.state import AT_HOME, BY_PLANNER, NOT_FINITE, SPENT, TRAVELLING
+from maipp.engine.state import AT_HOME, BY_PLANNER, HOMEWARD, NOT_FINITE, SPENT, TRAVELLING
 from maipp.problem import Problem
 from maipp.roadmap import Home
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -23,7 +23,7 @@ class Departure(eqx.Module):
 
     leg: Float[Array, "v 2"]  # from its position through the waypoints, cut where its budget ends, domain units; home
     reach: Float[Array, " w"]  # distance from its position to each waypoint of the leg; the last is its length
-    stopped_by: Int[Array, ""]  # why it stops here, as in `State`; 0: it goes
+    stopped_by: Int[Array, ""]  # why it stops here, an index of `state.REASONS`; TRAVELLING: it goes
     homeward: Bool[Array, ""]  # whether the leg ends on the way home, which it then follows to its end
     message: PyTree
     memory: PyTree
@@ -32,6 +32,11 @@ class Departure(eqx.Module):
     def go(self) -> Any:
         """Whether it goes on."""
         return self.stopped_by == TRAVELLING
+
+    @property
+    def status(self) -> Int[Array, ""]:
+        """What the agent does from here on, as in `State`."""
+        return jnp.where(self.go & self.homeward, HOMEWARD, self.stopped_by).astype(jnp.int8)
 
     @property
     def length(self) -> Float[Array, ""]:

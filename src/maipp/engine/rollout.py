@@ -281,9 +281,8 @@ def _with_room(begun: _Pair, capacity: int) -> _Pair:
 
 def _stopped_short(state: State) -> State:
     """The missions without those agents whose record is full."""
-    reason = jnp.where(state.full, RECORD_FULL, state.stopped_by).astype(jnp.int8)
-    changed = state.active & ~state.full, reason, jnp.zeros_like(state.full)
-    return eqx.tree_at(lambda s: (s.active, s.stopped_by, s.full), state, changed)
+    status = jnp.where(state.full, RECORD_FULL, state.status).astype(jnp.int8)
+    return eqx.tree_at(lambda s: (s.status, s.full), state, (status, jnp.zeros_like(state.full)))
 
 
 def _put_back(done: _Pair, rest: np.ndarray, longer: _Pair) -> _Pair:

@@ -13,14 +13,17 @@ from maipp.problem import ScenarioLike
 from maipp.roadmap.home import WAYPOINTS
 from maipp.typing import Array, Bool, Float, Int
 
-# Why an agent stopped. Two are the engine's doing with budget left, NOT_FINITE and RECORD_FULL: a fault of the planner,
-# or of its steps.
+# What an agent does, or why it stopped. Two are the engine's doing with budget left, NOT_FINITE and RECORD_FULL: a
+# fault of the planner, or of its steps.
 TRAVELLING = 0
 BY_PLANNER = 1  # its planner said so
 SPENT = 2  # no budget left, or its planner wanted to go nowhere
 NOT_FINITE = 3  # its planner named a waypoint that is not a finite number
 RECORD_FULL = 4  # its record of the route holds no more vertices
 AT_HOME = 5  # it has turned for home in time, and is there
+HOMEWARD = 6  # it travels: its leg ends on the way home, which it follows to its end
+ABSENT = 7  # it takes no part; this one and HOMEWARD are no reasons to stop
+UNDER_WAY = TRAVELLING, HOMEWARD
 REASONS = (None, "planner", "budget", "not-finite", "record-full", "home")  # the same in records of a survey
 
 
@@ -29,9 +32,7 @@ class State(eqx.Module):
 
     time: Float[Array, ""]  # of the last event
     events: Int[Array, ""]  # decisions taken so far by the team
-    active: Bool[Array, " m"]  # False once an agent has stopped
-    stopped_by: Int[Array, " m"]  # why, int8: TRAVELLING, BY_PLANNER, SPENT, NOT_FINITE or RECORD_FULL
-    homeward: Bool[Array, " m"]  # its leg ends on the way home, which it follows to its end
+    status: Int[Array, " m"]  # what each agent does, or why it stopped, int8: TRAVELLING to ABSENT
     leg: Float[Array, "m v 2"]  # polyline each agent travels: departure point, then w waypoints
     departure: Float[Array, " m"]  # time it left leg[:, 0]
     arrival: Float[Array, " m"]  # time it reaches leg[:, -1]
@@ -47,6 +48,21 @@ class State(eqx.Module):
     route_time: Float[Array, "m e"]  # when; inf beyond route_length
     route_length: Int[Array, " m"]  # vertices recorded
     full: Bool[Array, " m"]  # the record has no room for what the agent decided: it waits for more
+
+    @property
+    def active(self) -> Any:
+        """False for an agent that has stopped, or takes no part."""
+        return (self.status == TRAVELLING) | self.homeward
+
+    @property
+    def homeward(self) -> Any:
+        """Whether each agent has turned for home, and is on its way."""
+        return self.status == HOMEWARD
+
+    @property
+    def stopped_by(self) -> Any:
+        """Why each agent stopped, an index of REASONS; TRAVELLING for one that has not."""
+        return self.status * (self.status < HOMEWARD)
 
 
 def route_capacity(scenario: ScenarioLike, planner: Planner) -> int:
@@ -77,9 +93,7 @@ def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> St
     return State(
         time=jnp.zeros((), real),
         events=jnp.zeros((), jnp.int32),
-        active=mission.params.present,
-        stopped_by=jnp.full(m, TRAVELLING, jnp.int8),
-        homeward=jnp.zeros(m, bool),
+        status=jnp.where(mission.params.present, TRAVELLING, ABSENT).astype(jnp.int8),
         leg=jnp.broadcast_to(mission.start[:, None], (m, vertices, 2)),
         departure=jnp.zeros(m, real),
         arrival=jnp.zeros(m, real),

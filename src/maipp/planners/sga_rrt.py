@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.flatten_util import ravel_pytree
 
 from maipp.belief import Belief, to_rank
 from maipp.engine.decision import Decision, Observation, PyTree, option
@@ -56,53 +57,50 @@ def grow_tree(
     tries = () if zones is None else (_TRIES,)
     samples = jax.random.uniform(key, (nodes, *tries, 2), root.dtype) * sides
     index = jnp.arange(nodes)
-    tree = Tree(
-        position=jnp.broadcast_to(root, (nodes, 2)),
-        length=jnp.zeros(nodes, root.dtype),
-        depth=jnp.zeros(nodes, jnp.int32),
-        vertices=jnp.broadcast_to(root, (nodes, vertices, 2)),
-        marks=jnp.broadcast_to(root, (nodes, offsets.shape[0], 2)),
-    )
 
-    def edge(i: Int[Array, ""], tree: Tree, sample: Float[Array, "2"]) -> tuple[Int[Array, ""], Float[Array, "2"]]:
+    def edge(i: Int[Array, ""], position: Array, sample: Float[Array, "2"]) -> tuple[Int[Array, ""], Float[Array, "2"]]:
         """The node nearest to a sample, and the end of an edge from there towards it."""
-        offset = sample - tree.position
+        offset = sample - position
         squared = jnp.where(index < i, jnp.sum(offset * offset, axis=-1), jnp.inf)
         near = jnp.argmin(squared)
         distance = jnp.sqrt(squared[near])
-        start = tree.position[near]
+        start = position[near]
         # Every edge is as long as a branch, past the sample if need be: with edges that end at the sample the tree
         # has fewer long paths, and Tr(P) at B = 2 is 47 instead of the paper's 39.
         return near, jnp.clip(start + (sample - start) * (branch / jnp.maximum(distance, 1e-9)), 0.0, sides)
 
-    def free_edge(i: Int[Array, ""], tree: Tree) -> tuple[Int[Array, ""], Float[Array, "2"]]:
+    def free_edge(i: Int[Array, ""], position: Array) -> tuple[Int[Array, ""], Float[Array, "2"]]:
         """The first free edge towards a sample, else the longest part of one."""
         assert zones is not None
-        near, end = jax.vmap(partial(edge, i, tree))(samples[i])
-        start = tree.position[near]
+        near, end = jax.vmap(partial(edge, i, position))(samples[i])
+        start = position[near]
         share = free_share(zones.borders, start, end)
         run = share * jnp.sqrt(jnp.sum((end - start) ** 2, axis=-1))
         best = jnp.argmax(jnp.where(share >= 1.0, branch, 0.99 * run))
         return near[best], jnp.where(share[best] < 1.0, start[best] + share[best] * (end - start)[best], end[best])
 
-    def grow(i: Int[Array, ""], tree: Tree) -> Tree:
-        near, end = edge(i, tree, samples[i]) if zones is None else free_edge(i, tree)
-        start, begun = tree.position[near], tree.length[near]
+    # What a node carries besides its position is one row of numbers: every array in a loop costs as much time as the
+    # sums of a node.
+    around = (jnp.broadcast_to(root, (size, 2)) for size in (vertices, offsets.shape[0]))
+    first, path_of = ravel_pytree((jnp.zeros((), root.dtype), jnp.zeros((), root.dtype), *around))
+
+    def grow(i: Int[Array, ""], tree: tuple[Array, Array]) -> tuple[Array, Array]:
+        position, paths = tree
+        near, end = edge(i, position, samples[i]) if zones is None else free_edge(i, position)
+        start, (begun, depth, passed, measured) = position[near], path_of(paths[near])
         step = jnp.sqrt(jnp.sum((end - start) ** 2))
         crossed = (offsets > begun + DISTANCE_TOLERANCE) & (offsets <= begun + step + DISTANCE_TOLERANCE)
         share = jnp.clip((offsets - begun) / jnp.maximum(step, 1e-9), 0.0, 1.0)[:, None]
-        marks = jnp.where(crossed[:, None], start + share * (end - start), tree.marks[near])
-        path = jnp.where((jnp.arange(vertices) >= tree.depth[near])[:, None], end, tree.vertices[near])
-        here = index == i
-        return Tree(
-            position=jnp.where(here[:, None], end, tree.position),
-            length=jnp.where(here, begun + step, tree.length),
-            depth=jnp.where(here, tree.depth[near] + 1, tree.depth),
-            vertices=jnp.where(here[:, None, None], path, tree.vertices),
-            marks=jnp.where(here[:, None, None], marks, tree.marks),
-        )
+        marks = jnp.where(crossed[:, None], start + share * (end - start), measured)
+        passes = jnp.where((jnp.arange(vertices) >= depth)[:, None], end, passed)
+        path, _ = ravel_pytree((begun + step, depth + 1, passes, marks))
+        put = partial(lax.dynamic_update_index_in_dim, index=i, axis=0)
+        return put(position, end), put(paths, path)
 
-    return lax.fori_loop(1, nodes, grow, tree)
+    start = jnp.broadcast_to(root, (nodes, 2)), jnp.broadcast_to(first, (nodes, *first.shape))
+    position, paths = lax.fori_loop(1, nodes, grow, start)
+    length, depth, passed, marks = jax.vmap(path_of)(paths)
+    return Tree(position, length, depth.astype(jnp.int32), passed, marks)
 
 
 class SgaRrt(PlanePlanner):
