@@ -1,12 +1,18 @@
 """Robots as processes over sockets, one of which is killed (SIGKILL) again and again, at random moments.
 
     python -m tests.fleet.kills --kills 60 --robots 3
+    python -m tests.fleet.kills --kills 6 --robots 5 --cuts
+    python -m tests.fleet.kills --kills 6 --robots 3 --chain
+
+With `--cuts` all links lead through proxies that swallow bytes, or reset connections, and heal again, at random
+moments. In a `--chain` each robot has a link to the next one only, so that the first and the last never meet.
 
 At the end all robots are home on their budgets, the one that was killed too, and every robot has every measurement that
 any of them had written down.
 """
 
 import argparse
+import contextlib
 import os
 import random
 import sys
@@ -20,12 +26,22 @@ from maipp.fleet.log import read_lines
 from maipp.fleet.record import read_fleet_record
 from maipp.scenario import Scenario
 from maipp.scenario_io import save_scenario
+from tests.fleet.proxy import Proxy
 
 READY, LONGEST = 120.0, 1500.0  # s
 
 
 def fly(
-    folder: Path, robots: int, kills: int, seed: int, budget: float = 1.2, planner: str = "greedy", speedup: float = 0.1
+    folder: Path,
+    robots: int,
+    kills: int,
+    seed: int,
+    budget: float = 1.2,
+    planner: str = "greedy",
+    speedup: float = 0.1,
+    *,
+    cuts: bool = False,
+    chain: bool = False,
 ):
     """A fleet whose robots are killed in turn; the records of all robots' folders, and how often one was killed.
 
@@ -41,16 +57,25 @@ def fly(
             done[name].set()
 
     processes = {}
-    for name, (listen, _) in (addresses := endpoints(names)).items():
-        # All name all others: whoever comes back finds somebody, and is found.
-        connect = [other for key, (other, _) in addresses.items() if key != name]
+    stack, proxies = contextlib.ExitStack(), list[Proxy]()
+    addresses = {name: listen for name, (listen, _) in endpoints(names).items()}
+    for number, (name, listen) in enumerate(addresses.items()):
+        # All name all others: whoever comes back finds somebody, and is found. One end of a link that is cut, or of a
+        # chain, does: there is no other way.
+        before = names[:number][-1:] if chain else names[:number]
+        connect = [addresses[other] for other in (before if cuts or chain else names) if other != name]
+        if cuts:
+            links = [stack.enter_context(Proxy(int(address.rpartition(":")[2]))) for address in connect]
+            connect = [link.address for link in links]
+            proxies += links
         more = ["--vehicle", "simulated", "--held", "--epoch", "0", "--speedup", str(speedup), "--seed", "3"]
-        more += ["--planner", planner, "--listen", listen, "--connect", *connect]
+        more += ["--planner", planner, "--listen", listen]
+        more += ["--connect", *connect] if connect else []
         (folder / name).mkdir()
         command = robot_command(folder / "scenario.yaml", name, folder / name, more)
         processes[name] = Process(name, command, folder / f"{name}.txt", heard)
     killed = 0
-    with Fleet([*processes.values()]):
+    with stack, Fleet([*processes.values()]):
         for process in processes.values():
             assert process.ready.wait(READY), (folder / f"{process.name}.txt").read_text()
         begin = time.time() + 0.2
@@ -59,6 +84,8 @@ def fly(
         end = time.monotonic() + LONGEST
         while not all(event.is_set() for event in done.values()) and time.monotonic() < end:
             time.sleep(rng.uniform(0.2, 1.0))
+            if proxies and rng.random() < 0.7:
+                rng.choice([Proxy.swallow, Proxy.reset, Proxy.heal])(rng.choice(proxies))
             if killed < kills:
                 name = names[killed % robots]
                 killed += 1
@@ -68,6 +95,8 @@ def fly(
                 processes[name].start()
                 assert processes[name].ready.wait(READY)
                 processes[name].begin(begin)
+        for proxy in proxies:
+            proxy.heal()
         settled = time.monotonic() + 20
         while time.monotonic() < settled and not same_logs(folder, names):
             time.sleep(0.1)
@@ -109,11 +138,14 @@ def main():
     parser.add_argument("--planner", default="receding-horizon")
     parser.add_argument("--speedup", type=float, default=0.01)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cuts", action="store_true")
+    parser.add_argument("--chain", action="store_true")
     flags = parser.parse_args()
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        records, killed = fly(folder, flags.robots, flags.kills, flags.seed, flags.budget, flags.planner, flags.speedup)
+        how = flags.robots, flags.kills, flags.seed, flags.budget, flags.planner, flags.speedup
+        records, killed = fly(folder, *how, cuts=flags.cuts, chain=flags.chain)
         count = check(folder, records, [f"robot{i + 1}" for i in range(flags.robots)], flags.budget)
         starts = {path.stem.partition(".")[0]: 0 for path in (folder / "robot1").glob("*.log")}
         for path in (folder / "robot1").glob("*.log"):

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from maipp.fleet.exchange import PART, Exchange
+from maipp.fleet.exchange import LOG, PART, Exchange
 from maipp.fleet.hub import Hub, Link
 from maipp.fleet.logs import Logs
 
@@ -14,11 +14,13 @@ MISSION = "5" * 64
 class Slow(Link):
     """An end to which an answer comes only if it is not too long."""
 
-    most = 0
+    most, now = 0, 0.0
 
     def ask(self, topic, payload, timeout, to=None):
         answers = super().ask(topic, payload, timeout, to)
-        return {name: answer for name, answer in answers.items() if len(answer) <= self.most}
+        came = {name: answer for name, answer in answers.items() if len(answer) <= self.most}
+        self.now += timeout if len(came) < len(answers) else 0.0
+        return came
 
 
 class Everybodys:
@@ -44,11 +46,38 @@ def test_a_log_comes_over_a_slow_link(seal):
     slow = hub.links["b"] = Slow(hub, "b")
     slow.most = 10_000  # bytes; a radio of 10 kB/s, in the second that an answer may take
     Exchange(logs, hub.link("a"), dict, lambda origin, records: None, told.append)
-    exchange = Exchange(others, slow, dict, lambda origin, records: None, told.append)
-    rounds = 0
+    exchange = Exchange(others, slow, dict, lambda origin, records: None, told.append, lambda: slow.now)
     while others.length(logs.origin) < logs.length(logs.origin):
         exchange.round(1.0)
-        rounds += 1
-        assert rounds < 20  # each of which ends with an answer that does not come
+        slow.now += 1.0
+        assert slow.now < 60.0
     assert others.known[logs.origin].lines == logs.known[logs.origin].lines
     assert told == [] and size > PART / 2
+
+
+class Boaster(Link):
+    """Says to have more than it brings."""
+
+    asked = 0
+
+    def ask(self, topic, payload, timeout, to=None):
+        answers = super().ask(topic, payload, timeout, to)
+        if topic == LOG:
+            self.asked, self.now, answers = self.asked + 1, self.now + timeout, {}
+        return answers
+
+    now = 0.0
+
+
+def test_who_does_not_bring_what_it_says_to_have_is_asked_less_often():
+    hub, told = Hub(), []
+    logs, others = (Logs(None, name, MISSION, tell=told.append) for name in ("a", "b"))
+    logs.append({"event": {"event": "gone", "id": "1", "robot": "a"}, "answer": {"answer": "noted", "id": "1"}})
+    Exchange(logs, hub.link("a"), dict, lambda origin, records: None, told.append)
+    link = hub.links["b"] = Boaster(hub, "b")
+    exchange = Exchange(others, link, dict, lambda origin, records: None, told.append, lambda: link.now)
+    while link.now < 600.0:
+        exchange.round(1.0)
+        link.now += 1.0
+    assert link.asked < 60  # of 600 s a tenth: each costs a second
+    assert [line for line in told if "asked less often" in line] == told and len(told) == 1

@@ -4,11 +4,12 @@ Nothing depends on a message that may be lost: a round is repeated on contact, w
 seconds. Every robot serves every log that it knows, so that two that never meet learn of each other through a third.
 """
 
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from maipp.fleet.frame import decode, decode_heads, decode_part, encode, encode_heads, encode_part
+from maipp.fleet.frame import MOST_ORIGINS, decode, decode_heads, decode_part, encode, encode_heads, encode_part
 from maipp.fleet.log import ForkError, Head, Origin, read_origin
 from maipp.fleet.logs import Logs, Part
 from maipp.fleet.transport import Transport
@@ -17,6 +18,9 @@ HAVE, LOG, LINE = "have", "log", "line"
 # Bytes of a log that are fetched at once, unpacked: at most, and where a link is slow or loses much.
 PART, SMALL_PART = 1 << 19, 1 << 12
 _MOST_PARTS = 10_000  # of one log in one round
+_REPEATS = 3  # beats in a row that say how far a log goes, once it goes farther
+_LONGEST_PAUSE = 10  # of who does not bring what it says to have: times that was waited for it
+_TOLD_AFTER = 5  # failures in a row
 
 
 class News(NamedTuple):
@@ -24,6 +28,14 @@ class News(NamedTuple):
 
     heads: dict[Origin, Head]
     status: dict[str, Any]
+    whole: bool = True  # False: there may be logs that it has not told of
+
+
+class Pause(NamedTuple):
+    """For how long somebody is asked for nothing, since it did not bring what it says to have."""
+
+    until: float
+    failures: int  # in a row
 
 
 class Exchange:
@@ -36,8 +48,13 @@ class Exchange:
         status: Callable[[], dict[str, Any]],
         taken: Callable[[Origin, list[dict[str, Any]]], None],
         tell: Callable[[str], None],
+        monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         """`status` is what to say of oneself; `taken` gets new records once they are in the logs."""
+        self._monotonic = monotonic
+        self._said: dict[Origin, tuple[Head, int]] = {}  # in beats, and how often
+        self._beats, self._pauses = 0, dict[str, Pause]()
+        self._failed = Counter[tuple[str, Origin]]()  # questions in a row for a log that somebody did not bring
         self.logs, self.transport, self._status, self._taken, self._tell = logs, transport, status, taken, tell
         self.news: dict[str, News] = {}  # what each robot said last
         self._missing: set[str] = set()
@@ -51,8 +68,16 @@ class Exchange:
         self.transport.publish(LINE, encode_part(part))
 
     def beat(self) -> None:
-        """Tell whoever hears it how far one's logs go."""
-        self.transport.publish(HAVE, self._news())
+        """Tell whoever hears it how far those of one's logs go that have grown; at first, and if asked, of all."""
+        heads = {}
+        whole, self._beats = self._beats < _REPEATS, self._beats + 1
+        for origin, head in self.logs.heads().items():
+            said, times = self._said.get(origin, (None, 0))
+            times = times + 1 if said == head else 1
+            self._said[origin] = head, times
+            if times <= _REPEATS:
+                heads[origin] = head
+        self.transport.publish(HAVE, self._news(None if whole else heads))
 
     def round(self, timeout: float, to: str | None = None) -> set[str]:
         """Ask all within reach, or one, what they have, and fetch what is missing; names of those that answered."""
@@ -65,12 +90,14 @@ class Exchange:
         for name in heard:
             for origin, head in self.news[name].heads.items():
                 self._compare(name, origin, head, timeout)
-                if head.length > self.logs.length(origin) and origin != self.logs.origin:
+                if self._lacks(name, origin, head):
                     sources.setdefault(origin, []).append((head.length, name))
-        for origin, offers in sorted(sources.items()):
+        # What did not come the last time comes last: it must not keep back the others.
+        failed = {origin: min(self._failed[each, origin] for _, each in offers) for origin, offers in sources.items()}
+        for origin, offers in sorted(sources.items(), key=lambda item: (failed[item[0]], item[0])):
             # Who has most of it first; of several the robot itself, which surely has it right.
             for length, name in sorted(offers, key=lambda offer: (-offer[0], offer[1] != origin.robot, offer[1])):
-                if self.logs.length(origin) < length:
+                if self.logs.length(origin) < length and not self._rests(name):
                     self._fetch(name, origin, length, timeout)
         return heard
 
@@ -79,7 +106,12 @@ class Exchange:
         try:
             header, _ = decode(frame)
             status = header.get("status")
-            self.news[sender] = News(decode_heads(header.get("heads")), status if isinstance(status, dict) else {})
+            heads, whole, known = decode_heads(header.get("heads")), "some" not in header, self.news.get(sender)
+            if not whole and known is not None:
+                heads, whole = known.heads | heads, known.whole
+            if len(heads) > MOST_ORIGINS:
+                raise ValueError(f"heads of {len(heads)} logs")
+            self.news[sender] = News(heads, status if isinstance(status, dict) else {}, whole)
         except ValueError as error:
             return self.refuse(sender, error)
         return True
@@ -98,16 +130,20 @@ class Exchange:
         return True
 
     def behind(self, sender: str) -> bool:
-        """Whether somebody said to have more of a log than there is here."""
+        """Whether somebody said to have more of a log than there is here, or did not say yet what it has."""
         news = self.news.get(sender)
         return sender in self._missing or (
-            news is not None
-            and any(
-                head.length > self.logs.length(origin)
-                for origin, head in news.heads.items()
-                if origin != self.logs.origin and origin not in self.logs.forked
-            )
+            news is not None and (not news.whole or any(self._lacks(sender, *each) for each in news.heads.items()))
         )
+
+    def _lacks(self, name: str, origin: Origin, head: Head) -> bool:
+        """Whether somebody is to be asked for more of a log."""
+        own = origin == self.logs.origin or origin in self.logs.forked
+        return not own and head.length > self.logs.length(origin) and not self._rests(name)
+
+    def _rests(self, name: str) -> bool:
+        pause = self._pauses.get(name)
+        return pause is not None and pause.until > self._monotonic()
 
     def expect(self, sender: str) -> None:
         """Somebody has more than there is here, as one of its lines has shown."""
@@ -121,7 +157,9 @@ class Exchange:
                 return
             try:
                 size = self._size.get(name, PART)
+                begun = self._monotonic()
                 part = self._ask_part(name, origin, start, size, timeout)
+                self._note_answer(name, origin, begun, part is not None)
                 # What a link cannot bring in time it cannot bring the next time either, but a smaller part it may.
                 self._size[name] = max(size // 4, SMALL_PART) if part is None else min(size + size // 8, PART)
                 if part is None:
@@ -130,6 +168,19 @@ class Exchange:
             except ValueError as error:
                 self.refuse(name, error)
                 return
+
+    def _note_answer(self, name: str, origin: Origin, begun: float, came: bool) -> None:
+        """Ask who does not bring what it says to have less often, the more often that happens in a row."""
+        if came:
+            self._pauses.pop(name, None)
+            del self._failed[name, origin]
+            return
+        self._failed[name, origin] += 1
+        now, failures = self._monotonic(), 1 + (self._pauses[name].failures if name in self._pauses else 0)
+        rest = (now - begun) * min(2 ** min(failures - 1, 10) - 1, _LONGEST_PAUSE)
+        self._pauses[name] = Pause(now + rest, failures)
+        if failures == _TOLD_AFTER:
+            self._tell(f"{name} does not bring what it says to have of {origin}; it is asked less often")
 
     def _ask_part(self, name: str, origin: Origin, start: int, most: int, timeout: float) -> Part | None:
         """Lines of a log from somebody, if an answer comes. Raises `ValueError` for one that is not right."""
@@ -177,8 +228,10 @@ class Exchange:
             self._tell(f"refused from {sender}: {error}")
         return False
 
-    def _news(self) -> bytes:
-        return encode({"heads": encode_heads(self.logs.heads()), "status": self._status()})
+    def _news(self, some: dict[Origin, Head] | None = None) -> bytes:
+        """What there is here: of all logs, or only of some."""
+        heads = encode_heads(self.logs.heads() if some is None else some)
+        return encode({"heads": heads, "status": self._status()} | ({} if some is None else {"some": True}))
 
     def _have(self, question: bytes) -> bytes:
         return self._news()

@@ -10,7 +10,7 @@ from maipp.fleet.logs import Part
 # Largest frame, bytes as they come; largest part of a log, bytes unpacked.
 LARGEST_FRAME, LARGEST_PART = 1 << 22, 1 << 24
 _LONGEST_HEADER = 1 << 18
-_MOST_ORIGINS = 2000
+MOST_ORIGINS = 2000
 
 
 def encode(header: dict[str, Any], body: bytes = b"") -> bytes:
@@ -69,7 +69,7 @@ def encode_heads(heads: dict[Origin, Head]) -> dict[str, Any]:
 
 def decode_heads(values: Any) -> dict[Origin, Head]:
     """How far logs go, from JSON. Raises `ValueError` for what is no such thing."""
-    if not isinstance(values, dict) or len(values) > _MOST_ORIGINS:
+    if not isinstance(values, dict) or len(values) > MOST_ORIGINS:
         raise ValueError("heads that are no object, or too many")
     heads = {}
     for name, head in values.items():

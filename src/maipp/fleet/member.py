@@ -62,7 +62,9 @@ class Member:
         self._ask: dict[str, float] = {}  # whom to ask for what is missing, and not before when
         self._waiting: list[tuple[Origin, dict[str, Any]]] = []  # records that name what is not known yet
         self._own = None if logs.origin is None else logs.origin.robot
-        self.exchange = Exchange(logs, transport, lambda: status() | {"hears": self.hears}, self._taken, tell)
+        self.exchange = Exchange(
+            logs, transport, lambda: status() | {"hears": self.hears}, self._taken, tell, monotonic
+        )
         for origin, record in logs.records():
             self._take(origin, record)
 
