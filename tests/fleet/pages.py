@@ -64,7 +64,7 @@ class Pretended:
 class Visit:
     """A page of the dashboard, with all that it asked for and said."""
 
-    def __init__(self, browser, shown, **window):
+    def __init__(self, browser, shown, url=None, **window):
         self.shown, self.requests, self.said = shown, [], []
         self.context = browser.new_context(**({"viewport": {"width": 1300, "height": 900}} | window))
         self.page = self.context.new_page()
@@ -72,7 +72,7 @@ class Visit:
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("console", lambda message: self.said.append(f"{message.type}: {message.text}"))
         self.page.on("pageerror", lambda error: self.said.append(f"error: {error}"))
-        self.page.goto(shown.dashboard.url)
+        self.page.goto(url or shown.dashboard.url)
         self.until("document.body.dataset.field !== undefined && document.body.dataset.ready !== undefined")
 
     def until(self, condition):

@@ -2,11 +2,12 @@
 
 import copy
 import shutil
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
-from maipp.fleet.dashboard import Board, Follower, serve
+from maipp.fleet.dashboard import Board, Follower, save_page, serve
 from maipp.fleet.dashboard.look import look
 from maipp.fleet.logs import Logs
 from maipp.fleet.watch import Watch
@@ -173,6 +174,20 @@ def test_keys_and_buttons_zoom_and_move_all_maps(visit):
     visit.page.wait_for_timeout(50)
     assert near(visit.pixels("mean"), (86, 180, 233)) < near(before["mean"], (86, 180, 233))
     visit.clean()
+
+
+def test_a_saved_page_needs_no_server(browser, shown, tmp_path):
+    save_page(shown.watch, tmp_path / "page.html")
+    visit = Visit(browser, shown, (tmp_path / "page.html").as_uri())
+    page, pooled = visit.page, str(shown.watch.snapshot()["now"]["measurements"])
+    assert page.locator("#link").inner_text() == "saved: as it stood then"
+    assert page.evaluate("document.body.dataset.field") == pooled and page.locator(".card").count() == 3
+    assert len(np.unique(visit.pixels("mean"), axis=0)) > 300
+    page.select_option("#who", "robot2")
+    page.wait_for_function("document.body.dataset.who === 'robot2'")
+    assert page.evaluate("document.body.dataset.field") == str(shown.watch.field("robot2")["measurements"])
+    assert visit.said == [] and {urlsplit(url).scheme for url in visit.requests} <= {"file", "data"}
+    visit.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

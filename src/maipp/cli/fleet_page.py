@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maipp.cli.fleet_flags import Fleet as Flags
@@ -61,6 +62,12 @@ class Page:
     def work(self) -> None:
         """Whatever is due."""
         self._follower.work()
+
+    def save(self, path: Path) -> None:
+        """Write the page as it is now, as a file that needs no server."""
+        from maipp.fleet.dashboard.saved import save_page
+
+        save_page(self.watch, path)
 
     def __enter__(self) -> "Page":
         return self

@@ -65,19 +65,26 @@ def simulate(flags: Flags) -> int:
         begin = time.time() + 0.2
         for process in processes:
             process.begin(begin)
-        show = _page(flags, team.survey, [listen for listen, _ in addresses.values()], begin, stack)
+        page = _page(flags, team.survey, [listen for listen, _ in addresses.values()], begin, stack)
+        show = _nothing if page is None else page.work
         _all(lambda each: done[each.name].is_set() or not each.running, fleet, ending.told, None, show)
-        _settled(list(folders.values()), ending.told)
+        _settled(list(folders.values()), ending.told, show)
+        best = max(folders.values(), key=_size)
+        if ending.told.is_set():
+            cure = f"maipp result {best} --out {flags.out / 'result'}"
+            tell(f"ended before all robots were done; what they have until then is a result too: {cure}")
+            return ending.code
         for process in fleet.ended():
             tell(f"{process.name} has ended by itself; its notes are in {process.notes}")
-        if flags.stay and flags.page != NONE:
+        if page is not None:
+            page.save(flags.out / "page.html")
+            tell(f"the page, as it stood at the end: {flags.out / 'page.html'}")
+        print_result(write_result(read_taken(best), flags.out / "result"), flags.out / "result")
+        if flags.stay and page is not None:
             tell("all robots are done; Ctrl-C ends the page")
             while not ending.told.wait(_TICK):
                 show()
-    best = max(folders.values(), key=_size)
-    written = write_result(read_taken(best), flags.out / "result")
-    print_result(written, flags.out / "result")
-    return 0
+    return ending.exit_code
 
 
 def _options(flags: Flags) -> list[str]:
@@ -92,16 +99,20 @@ def _options(flags: Flags) -> list[str]:
     return more
 
 
-def _page(flags: Flags, survey: "TeamSurvey", connect: list[str], begin: float, stack: ExitStack) -> Callable[[], None]:
-    """What keeps the page up to date; nothing where none is wanted."""
+def _nothing() -> None:
+    pass
+
+
+def _page(flags: Flags, survey: "TeamSurvey", connect: list[str], begin: float, stack: ExitStack) -> Page | None:
+    """The page, if one is wanted."""
     from maipp.fleet.clock import WallClock
 
     if flags.page == NONE:
-        return lambda: None
+        return None
     page = Page(flags, survey, WallClock(0.0, flags.speedup, begin), connect, _free_name(survey.names))
     stack.enter_context(page)
     tell(f"the page is at {page.url}")
-    return page.work
+    return page
 
 
 def _free_name(names: Sequence[str]) -> str:
@@ -114,7 +125,7 @@ def _all(
     fleet: "Fleet",
     told: threading.Event,
     seconds: float | None,
-    work: Callable[[], None] = lambda: None,
+    work: Callable[[], None] = _nothing,
 ) -> bool:
     """Wait until something is true of all processes; False where one has ended before, or it takes too long."""
     begun = time.monotonic()
@@ -126,11 +137,12 @@ def _all(
     return True
 
 
-def _settled(folders: list[Path], told: threading.Event) -> None:
+def _settled(folders: list[Path], told: threading.Event, work: Callable[[], None]) -> None:
     """Wait until all robots have the same logs."""
     end = time.monotonic() + _SETTLE
     while len({_size(folder) for folder in folders}) > 1 and time.monotonic() < end and not told.wait(0.1):
-        pass
+        work()
+    work()
 
 
 def _size(folder: Path) -> int:

@@ -57,10 +57,10 @@ class Board:
     def publish(self, snapshot: dict[str, Any]) -> bool:
         """Show a snapshot of `Watch`; whether anything in it is new."""
         rows = snapshot["rows"]
-        parts = {name: _json(part) for name, part in snapshot.items() if name != "rows"}
+        parts = {name: to_json(part) for name, part in snapshot.items() if name != "rows"}
         with self._lock:
             new = [name for name, text in parts.items() if self._parts.get(name, (0, ""))[1] != text]
-            added = [_json(row) for row in rows[len(self._rows) :]]
+            added = [to_json(row) for row in rows[len(self._rows) :]]
             if not new and not added:
                 return False
             self._version += 1
@@ -72,7 +72,7 @@ class Board:
     def publish_field(self, robot: str | None, field: dict[str, Any]) -> None:
         """Show the maps of a belief."""
         with self._lock:
-            self._fields[robot or ""] = Shown(field["mark"], _json(field))
+            self._fields[robot or ""] = Shown(field["mark"], to_json(field))
         self._wake()
 
     def wanted(self) -> list[str | None]:
@@ -103,8 +103,8 @@ class Board:
                 return None
             parts = {name: text for name, (version, text) in self._parts.items() if version > seen.version}
             rows = self._rows[seen.rows :]
-        told = ",".join(f"{_json(name)}:{text}" for name, text in parts.items())
-        head = f'"instance":{_json(self.instance)},"from":{seen.rows}'
+        told = ",".join(f"{to_json(name)}:{text}" for name, text in parts.items())
+        head = f'"instance":{to_json(self.instance)},"from":{seen.rows}'
         return f'{{{head},"rows":[{",".join(rows)}],"parts":{{{told}}}}}', now
 
     def ask(self, robot: str) -> Shown | None:
@@ -132,5 +132,6 @@ class Board:
             listener()
 
 
-def _json(value: Any) -> str:
+def to_json(value: Any) -> str:
+    """Short, of ASCII, and strict."""
     return json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=True)

@@ -1,4 +1,5 @@
 // The line to the server: what is known, kept up to date; says whether it is there, and comes back by itself.
+// A saved page has no server: what is known is in it.
 const PATIENCE = 12000; // ms without a word after which the line counts as dead; the server says something every 5 s
 const AGAIN = 1500; // ms before another try
 const KEEP = 8000; // ms after which a belief is asked for again, so that the server goes on working it out
@@ -17,10 +18,13 @@ export class Link {
     this.refused = false;
     this.asking = false;
     this.asked = 0;
+    const saved = document.getElementById("saved");
+    this.saved = saved && JSON.parse(saved.textContent);
     setInterval(() => this.look(), 200);
   }
 
   open() {
+    if (this.saved) return this.take(this.saved.news);
     this.source?.close();
     this.heard = Date.now();
     const source = (this.source = new EventSource("/events"));
@@ -54,8 +58,9 @@ export class Link {
 
   there() {
     this.heard = Date.now();
-    if (this.state === "live") return;
-    this.state = "live";
+    const state = this.saved ? "saved" : "live";
+    if (this.state === state) return;
+    this.state = state;
     this.since = Date.now();
     this.refused = false;
     this.changed(new Set(["link"]));
@@ -96,6 +101,7 @@ export class Link {
   }
 
   look() {
+    if (this.saved) return this.recall();
     if (this.source && Date.now() - this.heard > PATIENCE) {
       this.away();
       this.open();
@@ -103,6 +109,13 @@ export class Link {
     const mark = this.parts.marks?.[this.who];
     if (this.state !== "live" || mark === undefined || this.asking) return;
     if (Date.now() - this.asked > (mark === this.field?.mark ? KEEP : SOON)) this.ask();
+  }
+
+  recall() {
+    const told = this.saved.fields[this.who];
+    if (this.state !== "saved" || this.field || !told) return;
+    this.field = unpacked(told);
+    this.changed(new Set(["field"]));
   }
 
   async ask() {

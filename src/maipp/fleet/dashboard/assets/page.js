@@ -159,6 +159,7 @@ function status() {
   const words = {
     live: () => (quiet > QUIET ? `connected, but nothing new for ${quiet} s: the server is busy` : "live"),
     connecting: () => "connecting …",
+    saved: () => "saved: as it stood then",
     away: () =>
       link.refused
         ? "the token is not valid any more: open the address that was told at the start"
