@@ -156,7 +156,7 @@ def understood(arguments: list[str]) -> None:
     elif isinstance(flags, Evaluate):
         options = [item for group in flags.settings for item in group]
         if not any(item.startswith("weights=runs/") for item in options):
-            assert _rows(flags)
+            assert flags.merge or _rows(flags)
     elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFlags):
         assert TABLES[flags.name.table].chosen(flags.name.planners)
 

@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from maipp.benchmarks.comparison import compare
     from maipp.benchmarks.evaluate import evaluate
     from maipp.devices import use_all_cores
     from maipp.engine.mission import draw_missions
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "LiveSurvey": "maipp.live.survey",
     "Scenario": "maipp.scenario",
+    "compare": "maipp.benchmarks.comparison",
     "draw_missions": "maipp.engine.mission",
     "evaluate": "maipp.benchmarks.evaluate",
     "load_policy": "maipp.policy.shipped",
@@ -39,6 +41,7 @@ __all__ = [
     "LiveSurvey",
     "Scenario",
     "__version__",
+    "compare",
     "draw_missions",
     "evaluate",
     "load_policy",

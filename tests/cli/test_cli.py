@@ -201,6 +201,29 @@ def test_evaluate_prints_a_row_for_each_planner(tmp_path, capsys):
     assert f"wrote {path}" in captured.err
 
 
+def test_evaluate_compares_in_pairs_by_shards_and_goes_on(tmp_path, monkeypatch, capsys):
+    common = [*TINY, "greedy", "random", "--budget", "0.6", "--no-timing", "--instances", "2:5", "--trials", "1"]
+    whole, first, second = (str(tmp_path / name) for name in ("whole.json", "1.json", "2.json"))
+    assert main(["evaluate", *common, "--reference", "greedy", "--json", whole]) == 0
+    out = capsys.readouterr().out
+    assert "minus greedy, in pairs" in out and "3 instances, from number 2 on" in out
+    compared = json.loads(Path(whole).read_text(encoding="utf-8"))["comparisons"]
+    (trace,) = [each for each in compared if each["metric"] == "trace"]
+    assert trace["planner"] == "random" and trace["interval"][0] < trace["mean"] < trace["interval"][1]
+    for shard, path in (("1/2", first), ("2/2", second)):
+        assert main(["evaluate", *common, "--shard", shard, "--json", path]) == 0
+    both = str(tmp_path / "both.json")
+    assert main(["evaluate", "--merge", second, first, "--reference", "greedy", "--json", both]) == 0
+    again = json.loads(Path(both).read_text(encoding="utf-8"))["comparisons"]
+    (same,) = [each for each in again if each["metric"] == "trace"]
+    assert same["mean"] == pytest.approx(trace["mean"], rel=1e-4)  # batches of other sizes round otherwise
+    monkeypatch.setattr(evaluate_command, "evaluate", lambda *_, **__: pytest.fail("evaluated again"))
+    before = Path(whole).read_text(encoding="utf-8")
+    assert main(["evaluate", *common, "--reference", "greedy", "--json", whole, "--resume"]) == 0
+    assert Path(whole).read_text(encoding="utf-8") == before
+    assert main(["evaluate", *TINY, "greedy", "--budget", "0.6", "--json", whole, "--resume", "--instances", "x"]) == 2
+
+
 def test_evaluate_can_write_to_standard_output(capsys):
     assert main(["evaluate", *TINY, "--planner", "greedy", "--budget", "0.6", "--no-timing", "--json", "-"]) == 0
     captured = capsys.readouterr()
@@ -230,7 +253,14 @@ def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ([], "--planner: none given; give one or more of random"),
+        ([], "no planner is given; give one or more of random"),
+        (["greedy", "--reference", "ti"], "--reference: ti is none of the planners given, greedy"),
+        (["greedy", "--instances", "5:5"], "--instances: 5:5 are none"),
+        (["greedy", "--instances", "many"], "--instances: 'many' is no number of instances"),
+        (["greedy", "--shard", "31/31"], "--shard: '31/31' is no part of 30 instances"),
+        (["greedy", "--resume"], "--resume: goes on with the file of --json"),
+        (["greedy", "--merge", "a.json"], "--merge: evaluates nothing; leave out the planners"),
+        (["--merge", "a.json"], "a.json: cannot read the evaluations"),
         (["--planner", "greedy", "gready"], "no planner 'gready' (did you mean greedy?)"),
         (["--planner", "greedy", "--budget", "1", "-1"], "--budget: -1.0 is not a length > 0"),
         (["--planner", "greedy", "--set", "sharde=1"], "no option 'sharde' (did you mean shared?)"),

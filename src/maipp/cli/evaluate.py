@@ -1,28 +1,32 @@
-"""`maipp evaluate`: planners on held-out missions, as a table and as JSON."""
+"""`maipp evaluate`: planners on held-out missions, as tables and as JSON."""
 
 import os
+import re
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 import tyro
-from rich import box
-from rich.table import Table
 
-from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
-from maipp.benchmarks.page import three
+from maipp.benchmarks.comparison import Comparison, compare
+from maipp.benchmarks.evaluate import Evaluation, check_counts, evaluate, fingerprint_of, save_evaluations, to_json
+from maipp.benchmarks.evaluation_file import find, merged, read_evaluations, what
+from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console
 from maipp.cli.options import FieldFlags
-from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
 from maipp.planners import make_planner, planner_names, planner_options
+from maipp.planners.given import options_now
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
 INTERRUPTED = 130
+
+_Row = tuple[str, Scenario, dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -32,14 +36,20 @@ class Evaluate(FieldFlags):
     With --field that is the file's field, read as `maipp plan` reads it, and missions differ in their starts.
     """
 
+    planners: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[PLANNER ...]")] = ()
+    """names (`maipp planners` lists them), or path/to/file.py:ClassName for one of your own"""
+
     budget: Annotated[tuple[float, ...], tyro.conf.arg(metavar="LENGTH [LENGTH ...]", help_behavior_hint="")] = ()
     """length of path each agent may travel, domain units; several are evaluated one by one"""
 
     planner: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PLANNER [PLANNER ...]", help_behavior_hint="")] = ()
-    """names (`maipp planners` lists them), or path/to/file.py:ClassName for one of your own"""
+    """the same as PLANNER without the flag"""
 
-    instances: int = 30
-    """worlds (ground truth and start)"""
+    reference: Annotated[str | None, tyro.conf.arg(metavar="PLANNER", help_behavior_hint="")] = None
+    """compare the others with this one in pairs: differences in every metric, with errors, intervals and tests"""
+
+    instances: Annotated[str, tyro.conf.arg(metavar="COUNT|FIRST:END")] = "30"
+    """worlds (ground truth and start): so many, or those from number FIRST up to END, which is left out"""
 
     trials: int = 10
     """runs per world, each with fresh roadmaps and fresh randomness"""
@@ -53,31 +63,81 @@ class Evaluate(FieldFlags):
     json: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """write everything, per-mission values included, to this file; - is standard output"""
 
+    resume: bool = False
+    """leave out what the file of --json holds already"""
+
+    shard: Annotated[str | None, tyro.conf.arg(metavar="I/N", help_behavior_hint="")] = None
+    """evaluate the I-th of N parts of the instances only, to be put together by --merge"""
+
+    merge: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE [FILE ...]", help_behavior_hint="")] = ()
+    """evaluate nothing: put the parts that these files hold together"""
+
 
 def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
-    check_seed(flags.seed, "--seed")
-    field = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
-    rows = _rows(flags, field)
-    shape = shape_of([scenario for _, scenario, _ in rows])
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable(Path(str(flags.json)))
-    notes = notes_console()
-    done: list[Evaluation] = []
-    code, refused = 0, None
+    done, kept, code, refused = _Outcome(_merged(flags)) if flags.merge else _evaluated(flags, to_file)
+    compared = _show(flags, done) if done else []
+    if to_file and done:
+        save_evaluations([*done, *kept], str(flags.json), compared)
+        notes_console().print(f"wrote {flags.json}")
+    for warning in filter(None, map(stopped, done)):
+        notes_console().print(warning, markup=False)
+    if refused is not None:
+        raise refused
+    return code
+
+
+class _Outcome(NamedTuple):
+    done: list[Evaluation]
+    kept: Sequence[Evaluation] = ()  # of the file before, and not come to yet
+    code: int = 0
+    refused: InputError | None = None  # what kept the other rows from being done
+
+
+def _show(flags: Evaluate, done: list[Evaluation]) -> list[dict[str, Any]]:
+    """Print the tables, and the JSON where it goes to standard output; the comparisons."""
+    # The tables make way where standard output is the JSON, and keep their width where they go to a file.
+    out = results_console(stderr=flags.json == "-")
+    out.print(means(done))
+    compared: list[Comparison] = []
+    if flags.reference is not None and {each.planner for each in done} > {flags.reference}:
+        compared = compare(done, flags.reference)
+        out.print(differences(compared, flags.reference))
+    told = [each.to_dict() for each in compared]
+    if flags.json == "-":
+        sys.stdout.write(to_json(done, told))
+    return told
+
+
+def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
+    """Row by row."""
+    check_seed(flags.seed, "--seed")
+    check_counts("--", trials=flags.trials)
+    first, instances = _instances(flags.instances, flags.shard)
+    field = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
+    rows = _rows(flags, field)
+    shape = shape_of([scenario for _, scenario, _ in rows])
+    known = _known(flags, to_file)
+    notes, done = notes_console(), list[Evaluation]()
     try:
         with counting_bar(notes, "missions") as bar:
-            each = flags.instances * flags.trials
+            each = instances * flags.trials
             task = bar.add_task("", total=len(rows) * each)
-            for planner, scenario, options in rows:
-                bar.update(task, description=f"{planner}, budget {_budget(scenario)}")
-                before = len(done) * each
-                evaluation = evaluate(
+            for number, (planner, scenario, options) in enumerate(rows):
+                bar.update(task, description=f"{planner}, budget {budget_of(scenario)}")
+                before = number * each
+                made = make_planner(planner, scenario, options)
+                wanted = what(planner, options_now(made), scenario, flags.seed, flags.trials)
+                code = fingerprint_of(made, field) if known else ""
+                evaluation = find(known, wanted, first, instances, code, timing=flags.timing) or evaluate(
                     scenario,
                     planner,
                     options,
-                    instances=flags.instances,
+                    instances=instances,
+                    first=first,
                     trials=flags.trials,
                     seed=flags.seed,
                     timing=flags.timing,
@@ -86,37 +146,68 @@ def run(flags: Evaluate) -> int:
                     progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
                 )
                 done.append(evaluation)
-                if to_file:
-                    save_evaluations(done, str(flags.json))
+                known = [other for other in known if other is not evaluation]
+                if to_file:  # what is known and has not come yet is kept
+                    save_evaluations([*done, *known], str(flags.json))
     except KeyboardInterrupt:
         notes.print(f"interrupted: {len(done)} of {len(rows)} rows are done")
-        code = INTERRUPTED
+        return _Outcome(done, known, INTERRUPTED)
     except InputError as error:  # a row that cannot be scored must not take those that are done with it
-        refused = error
+        if not done:
+            raise
+        return _Outcome(done, known, 0, error)
+    return _Outcome(done, known)
+
+
+def _merged(flags: Evaluate) -> list[Evaluation]:
+    """The evaluations that the files hold, parts put together."""
+    if flags.planners or flags.planner or flags.shard or flags.resume:
+        raise InputError("--merge: evaluates nothing; leave out the planners, --shard and --resume")
+    done = merged([each for path in flags.merge for each in read_evaluations(path)])
     if not done:
-        if refused is not None:
-            raise refused
-        return code
-    # The table makes way where standard output is the JSON, and keeps its width where it goes to a file.
-    out = results_console(stderr=flags.json == "-")
-    out.print(_table(done))
-    if flags.json == "-":
-        sys.stdout.write(to_json(done))
-    elif to_file:
-        notes.print(f"wrote {flags.json}")
-    for warning in filter(None, map(_stopped, done)):
-        notes.print(warning, markup=False)
-    if refused is not None:
-        raise refused
-    return code
+        raise InputError(f"--merge: {flags.merge[0]} holds no evaluations")
+    return done
 
 
-def _rows(flags: Evaluate, field: Raster | None = None) -> list[tuple[str, Scenario, dict[str, str]]]:
+def _known(flags: Evaluate, to_file: bool) -> list[Evaluation]:
+    """What is not to be evaluated again."""
+    if not flags.resume:
+        return []
+    if not to_file:
+        raise InputError("--resume: goes on with the file of --json; give --json FILE")
+    path = Path(str(flags.json))
+    return read_evaluations(path) if path.exists() else []
+
+
+def _instances(text: str, shard: str | None) -> tuple[int, int]:
+    """The first instance and how many there are. Raises `InputError` for what says none."""
+    match = re.fullmatch(r"(?:(\d{1,9}):)?(\d{1,9})", text)
+    if match is None:
+        raise InputError(
+            f"--instances: {text!r:.40} is no number of instances; give a count, or FIRST:END such as 20:40"
+        )
+    first, end = int(match[1] or 0), int(match[2])
+    if end <= first:
+        raise InputError(f"--instances: {text} are none; give a count >= 1, or FIRST:END such as 20:40")
+    if shard is None:
+        return first, end - first
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", shard)
+    part, parts = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= part <= parts <= end - first:
+        raise InputError(f"--shard: {shard!r:.40} is no part of {end - first} instances; give I/N such as 1/4")
+    begin, stop = (first + (end - first) * k // parts for k in (part - 1, part))
+    return begin, stop - begin
+
+
+def _rows(flags: Evaluate, field: Raster | None = None) -> list[_Row]:
     """Planner, scenario and options of every row. Raises `InputError` for what is wrong with any of them."""
-    if not flags.planner:
-        raise InputError(f"--planner: none given; give one or more of {', '.join(planner_names())}")
-    names = {planner: {option.name for option in planner_options(planner)} for planner in flags.planner}
-    flags.check_weights(flags.planner)
+    planners = dict.fromkeys([*flags.planners, *flags.planner])
+    if not planners:
+        raise InputError(f"no planner is given; give one or more of {', '.join(planner_names())}")
+    if flags.reference is not None and flags.reference not in planners:
+        raise InputError(f"--reference: {flags.reference} is none of the planners given, {', '.join(planners)}")
+    names = {planner: {option.name for option in planner_options(planner)} for planner in planners}
+    flags.check_weights(planners)
     given = flags.planner_options()
     rows = []
     for budget in flags.budget or (None,):
@@ -128,65 +219,6 @@ def _rows(flags: Evaluate, field: Raster | None = None) -> list[tuple[str, Scena
             make_planner(planner, scenario, options)  # before any work: a bad option in the last row costs nothing
             rows.append((planner, scenario, options))
     return rows
-
-
-def _table(evaluations: list[Evaluation]) -> Table:
-    """One line per planner and budget, narrow enough for 80 columns."""
-    caption = "se: over instances; std: over trials, of the mean; ms and p95: one decision"
-    table = Table(title=_title(evaluations), caption=caption, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("planner", max_width=22, overflow="fold")
-    # Roadmap planners may leave a rest that no edge fits; where nobody leaves any, the column would say nothing.
-    left = any(evaluation.summary["unspent"].mean > 0.0 for evaluation in evaluations)
-    headings = ["B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", *["unspent"] * left, "ms", "p95"]
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=" " not in heading)
-    for evaluation in evaluations:
-        summary, time = evaluation.summary, evaluation.decision_ms
-        table.add_row(
-            evaluation.planner.rpartition(":")[2],  # of path/to/file.py:ClassName
-            _budget(evaluation.scenario),
-            _number(summary["trace"].mean),
-            _number(summary["trace"].se),
-            _number(summary["trace"].std),
-            _number(summary["own_trace"].mean),
-            _number(summary["true_trace"].mean),
-            _number(summary["rmse"].mean),
-            *([_number(summary["unspent"].mean)] if left else []),
-            _number(time and time.median),
-            _number(time and time.p95),
-        )
-    return table
-
-
-def _stopped(evaluation: Evaluation) -> str | None:
-    """The warning that the engine stopped agents of this row, if it did."""
-    values, scenario = evaluation.values, evaluation.scenario
-    return stopped_warning(
-        f"{evaluation.planner}, budget {_budget(scenario)}",
-        agents=scenario.agents * evaluation.instances * evaluation.trials,
-        not_finite=round(values["not_finite"].sum()),
-        record_full=round(values["record_full"].sum()),
-        unspent=f"{_number(values['unspent'].mean())} domain units each",
-    )
-
-
-def _title(evaluations: list[Evaluation]) -> str:
-    if not evaluations:
-        return "no results"
-    first = evaluations[0]
-    return f"{first.scenario.agents} agents, {first.instances} instances x {first.trials} trials, seed {first.seed}"
-
-
-def _number(value: float | None) -> str:
-    """Three significant digits, without an exponent where that is readable."""
-    if value is None:
-        return "-"
-    return f"{value:.0f}" if abs(value) >= 1000 else three(value)
-
-
-def _budget(scenario: Scenario) -> str:
-    budget = scenario.budget if isinstance(scenario.budget, tuple) else (scenario.budget,)
-    return ",".join(f"{length:g}" for length in budget)
 
 
 def _check_writable(path: Path) -> None:

@@ -12,13 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from maipp.benchmarks.machine import machine, versions
+from maipp.policy.shipped import BEST
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import find_config, load_config, override
 from maipp.training.curves import CURVE
 from maipp.training.hosts import all_or_none, hosts_of, join_hosts
 from maipp.training.journal import LOG
 from maipp.training.run_folder import CONFIG
-from maipp.training.train import BEST, FINAL, Step, TrainResult, train
+from maipp.training.train import FINAL, Step, TrainResult, train
 
 INTERRUPTED = 130
 _LINE_SECONDS = 30.0  # between two lines where there is no terminal to draw a bar on

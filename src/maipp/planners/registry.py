@@ -73,11 +73,15 @@ def planner_names() -> tuple[str, ...]:
     return tuple(_REGISTERED)
 
 
-def find_planner(name: str) -> Registered:
+def find_planner(name: str | type) -> Registered:
     """The planner of that name, or the unnamed one that `path/to/file.py:Class` or `package.module:Class` points to.
+
+    A class stands for itself.
 
     Raises `InputError` for an unknown name; that a target exists is only known once it is imported.
     """
+    if isinstance(name, type):
+        return Registered(name.__name__, name, "", {})
     if name in _REGISTERED:
         return _REGISTERED[name]
     if ":" in name:
@@ -85,11 +89,11 @@ def find_planner(name: str) -> Registered:
     raise InputError(f"{unknown('planner', name, list(_REGISTERED))}, or path/to/file.py:ClassName")
 
 
-def planner_class(name: str) -> "type[maipp.engine.decision.Planner]":
+def planner_class(name: str | type) -> "type[maipp.engine.decision.Planner]":
     """The class behind a planner's name. Raises `InputError` where it cannot be imported or is no planner."""
     from maipp.engine.decision import Planner
 
-    target = find_planner(name).target
+    name, target = find_planner(name)[:2]
     found = _import_target(name, target) if isinstance(target, str) else target
     if not (isinstance(found, type) and issubclass(found, Planner)):
         raise InputError(f"planner {name}: it is no planner; give a subclass of maipp.engine.Planner")
@@ -107,17 +111,18 @@ def planner_summary(name: str) -> str:
 
 
 def make_planner(
-    name: str, scenario: Scenario, options: Mapping[str, object] | None = None
+    name: str | type, scenario: Scenario, options: Mapping[str, object] | None = None
 ) -> "maipp.engine.decision.Planner":
     """The planner of that name for a scenario.
 
-    `name` is a registered one, `path/to/file.py:Class` or `package.module:Class`. Options are given as values or as
-    text (`{"lengths": "0.3,0.4"}`). Raises `InputError` for an unknown name or option and for a value that does not
-    fit or that the planner's own `check` refuses.
+    `name` is a registered one, `path/to/file.py:Class`, `package.module:Class`, or the class itself. Options are given
+    as values or as text (`{"lengths": "0.3,0.4"}`). Raises `InputError` for an unknown name or option and for a value
+    that does not fit or that the planner's own `check` refuses.
     """
     kind = planner_class(name)
-    where = f"planner {name}"
-    values = read_options(kind, options or {}, find_planner(name).presets, where=where)
+    found = find_planner(name)
+    where = f"planner {found.name}"
+    values = read_options(kind, options or {}, found.presets, where=where)
     try:
         inspect.signature(kind).bind(scenario, **values)
     except TypeError as error:  # fields that are no options, without defaults

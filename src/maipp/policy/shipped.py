@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 
 import jax
@@ -12,15 +13,20 @@ from maipp.policy.weights import load_weights
 
 SHIPPED = ("ti", "sga-catnipp")
 UNTRAINED = "untrained"
+BEST = "best.safetensors"  # in the folder of a training run
 
 
-def load_policy(name: str) -> PolicyNetwork:
-    """The trained network that ships under this name: `ti` (for `di`, `ti` and `ti-star`) or `sga-catnipp`.
+def load_policy(name: str | PathLike[str]) -> PolicyNetwork:
+    """The trained network of this name, or of a file or run folder that `maipp train` wrote.
 
-    Raises InputError for another name, and where this copy of the package came without the weights.
+    There are `ti` (for `di`, `ti` and `ti-star`) and `sga-catnipp`; of a run folder the best weights are taken.
+    Raises InputError for another name, where this copy of the package came without the weights, and for what is no
+    such file.
     """
     if name not in SHIPPED:
-        raise InputError(f"weights {name!r}: none ship under this name; there are {', '.join(SHIPPED)}")
+        folder = Path(name)
+        return network_named(str(folder / BEST if (folder / BEST).is_file() else name))
+    name = str(name)
     path = shipped_file(name)
     if not path.exists():
         raise InputError(f"weights {name!r}: this copy of maipp has none; give a .safetensors file, or {UNTRAINED}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.policy import save_weights
+from maipp.policy.shipped import BEST
 from maipp.training import checkpoint
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import config_to_dict, dump_config
@@ -26,7 +27,7 @@ from maipp.training.signals import StopRequest
 
 T = TypeVar("T")
 
-BEST, FINAL = "best.safetensors", "final.safetensors"
+FINAL = "final.safetensors"
 
 
 @runtime_checkable
