@@ -80,6 +80,9 @@ class ScriptedAutopilot:
         self.mode, self.auto, self.armed, self.refuses = mode, auto, True, False
         self.mav = dialect.MAVLink(Wire(radio, "down"), srcSystem=1, srcComponent=1)
         self.mission: list[Any] = []
+        self.fence: list[Any] = []
+        self.kind_coming = 0  # of an upload: mission or fence
+        self.refuses_fence = False
         self.current, self.finished = 0, True
         self.expected = self.asked = 0  # items of an upload under way; 0: none
         self.coming: list[Any] = []
@@ -101,7 +104,7 @@ class ScriptedAutopilot:
         if self.expected:
             if now - self.begun > self.GIVE_UP:
                 self.expected = 0
-                self.say("mission_ack", *self.peer, 15)
+                self.say("mission_ack", *self.peer, 15, self.kind_coming)
             elif now - self.since > self.REQUEST_AGAIN:
                 self.ask()
         self.travel(seconds)
@@ -155,45 +158,51 @@ class ScriptedAutopilot:
             self.current += 1
 
     def on_mission_count(self, message):
-        if message.mission_type == 0:
-            self.peer = message.get_srcSystem(), message.get_srcComponent()
-            self.expected, self.asked, self.begun, self.coming = message.count, 0, self.radio.time, []
-            if self.kind == ARDUPILOT:
-                self.mission = self.mission[: message.count]
-            self.ask()
+        self.peer, self.kind_coming = (message.get_srcSystem(), message.get_srcComponent()), message.mission_type
+        self.expected, self.asked, self.begun, self.coming = message.count, 0, self.radio.time, []
+        if self.kind == ARDUPILOT and not self.kind_coming:
+            self.mission = self.mission[: message.count]
+        self.ask()
 
     def on_mission_clear_all(self, message):
-        self.mission, self.expected, self.finished = [], 0, True
-        self.say("mission_ack", message.get_srcSystem(), message.get_srcComponent(), 0)
+        if message.mission_type:
+            self.fence, self.expected = [], 0
+        else:
+            self.mission, self.expected, self.finished = [], 0, True
+        self.say("mission_ack", message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type)
 
     def ask(self):
         self.since = self.radio.time
         name = "mission_request" if self.kind == ARDUPILOT else "mission_request_int"
-        self.say(name, *self.peer, self.asked)
+        self.say(name, *self.peer, self.asked, self.kind_coming)
 
     def on_mission_item_int(self, message):
-        if not self.expected or message.mission_type:
+        if not self.expected or message.mission_type != self.kind_coming:
             return
         if message.seq != self.asked:
             if self.kind == ARDUPILOT:
-                self.say("mission_ack", *self.peer, 13)
+                self.say("mission_ack", *self.peer, 13, self.kind_coming)
             else:
                 self.ask()
             return
-        if self.refuses:
+        if self.refuses_fence if self.kind_coming else self.refuses:
             self.expected = 0
-            self.say("mission_ack", *self.peer, 14)
+            self.say("mission_ack", *self.peer, 14, self.kind_coming)
             return
         self.begun = self.radio.time
-        if self.kind == ARDUPILOT:
+        if self.kind == ARDUPILOT and not self.kind_coming:
             self.mission[message.seq :] = [message]
         self.coming.append(message)
         self.asked += 1
         if self.asked < self.expected:
             self.ask()
             return
-        self.expected, self.mission = 0, self.coming
-        self.say("mission_ack", *self.peer, 0)
+        self.expected = 0
+        if self.kind_coming:
+            self.fence = self.coming
+        else:
+            self.mission = self.coming
+        self.say("mission_ack", *self.peer, 0, self.kind_coming)
 
     def on_mission_set_current(self, message):
         if message.seq < len(self.mission):

@@ -1,7 +1,7 @@
 """The way to be gone as an autopilot's mission, from holding to being under way, whatever gets lost."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,16 +10,17 @@ from maipp.fleet.mavlink.autopilot import Autopilot
 from maipp.fleet.mavlink.link import Heard
 from maipp.fleet.mavlink.mission import items_of
 from maipp.fleet.mavlink.modes import PX4, Modes, modes_of
-from maipp.fleet.mavlink.upload import Upload
+from maipp.fleet.mavlink.upload import FENCE, Upload
+from maipp.missions.qgc_plan import Command
 from maipp.missions.vehicle import AUTOPILOTS, Vehicle
 from maipp.typing import Float
 
 _REPEAT, _PAUSE = 1.5, 10.0  # s from a command to the next, and from a mission that was refused to the next attempt
 _SURE = 3.0  # s after which a mode is what somebody chose, not an old message
 
-# It stays; it is to stop before it gets another mission; it gets that; it is told where in it to begin; it is to go; it
-# goes.
-REST, STOPPING, UPLOADING, CHOOSING, STARTING, UNDER_WAY = range(6)
+# It stays; it is to stop before it gets another mission; it gets its fence, once, and that; it is told where in it to
+# begin; it is to go; it goes.
+REST, STOPPING, FENCING, UPLOADING, CHOOSING, STARTING, UNDER_WAY = range(7)
 
 
 class Told:
@@ -52,6 +53,7 @@ class Choice(NamedTuple):
     vehicle: Vehicle
     speed: Callable[[], float]  # metres per second, as it is now
     hold: str = ""  # mode in which it holds; empty: the usual one
+    fence: Sequence[Command] = ()  # what its fence is to be; none: the one that it has
 
 
 class Course:
@@ -64,6 +66,7 @@ class Course:
         self._autopilot, self._choice, self._told = autopilot, choice, told
         self.state = REST
         self._upload: Upload | None = None
+        self._fence = choice.fence  # that it has not got yet
         self._waypoints: Float[np.ndarray, "n 2"] = np.zeros((0, 2))
         self._first = 0  # number of the mission's item that is the first waypoint
         self._next = 0  # the waypoint that is the next one
@@ -127,16 +130,8 @@ class Course:
                     self._enter(CHOOSING, now)
                 else:
                     self._begin(now)
-        elif self.state == UPLOADING and self._upload is not None:
-            self._upload.tick(now)
-            if self._upload.done:
-                self._told.over("mission")
-                self._enter(CHOOSING, now)
-            elif self._upload.problem is not None:
-                problem = self._upload.problem
-                self._told.since("mission", f"the autopilot does not take its mission: {problem}; trying again")
-                if now - self._entered > _PAUSE:
-                    self._begin(now)
+        elif self.state in (FENCING, UPLOADING) and self._upload is not None:
+            self._continue(self._upload, now)
         elif self.state == CHOOSING:
             number = self._first + self._next
             begin = number if self._next else number - 1  # the speed comes before the first waypoint
@@ -164,7 +159,30 @@ class Course:
     def _told_kind(self) -> int:
         return AUTOPILOTS[self._choice.vehicle.autopilot]
 
+    def _continue(self, upload: Upload, now: float) -> None:
+        """Go on with what is being uploaded."""
+        what = "fence" if self.state == FENCING else "mission"
+        upload.tick(now)
+        if upload.problem is not None:
+            self._told.since(what, f"the autopilot does not take its {what}: {upload.problem}; trying again")
+            if now - self._entered > _PAUSE:
+                self._begin(now)
+        elif upload.done and self.state == FENCING:
+            self._told.over(what)
+            self._told.say(f"the autopilot has its fence: {len(self._fence)} vertices")
+            self._fence = ()
+            self._begin(now)
+        elif upload.done:
+            self._told.over(what)
+            self._enter(CHOOSING, now)
+
     def _begin(self, now: float) -> None:
+        """Upload the fence, if that is to be done yet, else the mission."""
+        if self._fence:
+            self._upload = Upload(self._fence, self._autopilot.send, FENCE)
+            self._upload.begin(now)
+            self._enter(FENCING, now)
+            return
         autopilot, choice = self._autopilot, self._choice
         px4 = autopilot.family(self._told_kind) == PX4
         home = np.array([autopilot.longitude, autopilot.latitude])

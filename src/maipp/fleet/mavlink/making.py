@@ -15,10 +15,12 @@ from maipp.fleet.mavlink.course import Choice, Told
 from maipp.fleet.mavlink.drive import Drive, Ground, Senses
 from maipp.fleet.mavlink.inside import Inside
 from maipp.fleet.mavlink.link import Link
+from maipp.fleet.mavlink.mission import fence_items
 from maipp.fleet.mavlink.modes import modes_of
 from maipp.fleet.mavlink.sensor import Sensor
 from maipp.fleet.vehicles import Place, numbers
 from maipp.live.request import parse_line
+from maipp.missions.fences import Fence
 from maipp.missions.files import fence_for
 from maipp.missions.route_plan import Route, RoutePlan
 from maipp.missions.vehicle import AUTOPILOTS
@@ -26,6 +28,7 @@ from maipp.records import Value
 from maipp.records.kinds import Finite
 from maipp.surveys.standardise import PreparedSurvey
 
+KEEP, UPLOAD = "keep", "upload"  # the autopilot's fence
 OPTIONS = {
     "url": "udpin:0.0.0.0:14550",
     "baud": 57600,
@@ -35,6 +38,7 @@ OPTIONS = {
     "age": 5.0,
     "hold": "",
     "margin": 1.0,
+    "fence": KEEP,
     "radius": 5.0,
     "wait": 60.0,
 }
@@ -43,7 +47,7 @@ LINES = "lines"  # the sensor whose values come as lines of standard input
 
 
 def make(place: Place, options: Mapping[str, str]) -> Drive:
-    """The vehicle; options: url, baud, system, source, sensor, age, hold, margin, radius, wait (docs/fleet.md).
+    """The vehicle; options: url, baud, system, source, sensor, age, hold, margin, fence, radius, wait (docs/fleet.md).
 
     Waits for the autopilot to say where it is. Raises `InputError` where it does not, for a mission without longitudes
     and latitudes, and for an option that is unknown or wrong.
@@ -55,8 +59,13 @@ def make(place: Place, options: Mapping[str, str]) -> Drive:
         raise InputError("--vehicle mavlink: needs longitudes and latitudes; give a mission file of a real place")
     vehicle, survey = mission.survey.vehicle, place.survey
     modes_of(AUTOPILOTS[vehicle.autopilot], vehicle.kind, told["hold"])
-    ground = _ground(place, mission, told["margin"], told["radius"])
-    choice = Choice(vehicle, lambda: survey.setup.units.speed_out(survey.robot(place.robot).speed), told["hold"])
+    fence = _fence(place, mission)
+    ground = _ground(place, mission, fence, told["margin"], told["radius"])
+    speed = lambda: survey.setup.units.speed_out(survey.robot(place.robot).speed)  # noqa: E731
+    if told["fence"] == UPLOAD and not vehicle.fence:
+        raise InputError("--with fence=upload: the mission says vehicle: {fence: false}; keep one of the two")
+    items = fence_items(fence) if told["fence"] == UPLOAD else []
+    choice = Choice(vehicle, speed, told["hold"], items)
     sensor = Sensor(told["age"])
     senses = Senses(sensor, told["sensor"])
     if told["sensor"] == LINES:
@@ -79,19 +88,26 @@ def _check(told: Mapping[str, Any]) -> None:
     for key, most in (("baud", 10**7), ("system", 255), ("source", 255)):
         if not (key != "system") <= told[key] <= most:
             raise InputError(f"--with {key}={told[key]}: give a whole number from {int(key != 'system')} to {most}")
+    if told["fence"] not in (KEEP, UPLOAD):
+        raise InputError(f"--with fence={told['fence']}: give {KEEP} or {UPLOAD}")
     for key in ("age", "margin", "radius", "wait"):
         if not (math.isfinite(told[key]) and told[key] >= 0 and (told[key] > 0 or key in ("margin", "wait"))):
             raise InputError(f"--with {key}={told[key]:g}: give a number above 0")
 
 
-def _ground(place: Place, mission: PreparedSurvey, margin: float, radius: float) -> Ground:
-    """Where it drives, in the fence that mission files of this survey have."""
+def _fence(place: Place, mission: PreparedSurvey) -> Fence:
+    """The fence that mission files of this survey have."""
     frame, number, world = mission.frame, mission.names.index(place.robot), place.survey.world
     start = frame.to_user(np.asarray(world.mission.start, np.float64)[number : number + 1])
     route = Route(place.robot, start, np.zeros(1), mission.survey.robots[number].speed)
     plan = RoutePlan(mission.survey.name, (route,), mission.area, mission.no_go, geographic=True)
-    inside = Inside(fence_for(plan, mission.survey.vehicle), margin, frame.to_plane)
-    interval = place.survey.setup.units.length_out(world.scenario.measurement_interval)
+    return fence_for(plan, mission.survey.vehicle)
+
+
+def _ground(place: Place, mission: PreparedSurvey, fence: Fence, margin: float, radius: float) -> Ground:
+    """Where it drives."""
+    frame, inside = mission.frame, Inside(fence, margin, mission.frame.to_plane)
+    interval = place.survey.setup.units.length_out(place.survey.world.scenario.measurement_interval)
     return Ground(frame.to_plane, frame.from_plane, inside, interval, radius)
 
 

@@ -1,13 +1,26 @@
-"""One way as a mission that an autopilot follows: its speed, and every waypoint."""
+"""What an autopilot is given: one way as a mission, its speed and every waypoint; and its fence."""
 
 import numpy as np
 
+from maipp.missions.decimals import rounded
+from maipp.missions.fences import Fence
 from maipp.missions.qgc_plan import Command, commands
 from maipp.missions.route_plan import Route
 from maipp.missions.vehicle import Vehicle
 from maipp.typing import Float
 
 _TAKEOFF, _WAYPOINT, _ABOVE_SEA = 22, 16, 0  # MAV_CMD, MAV_FRAME
+_INCLUSION, _EXCLUSION = 5001, 5002  # MAV_CMD: a vertex of a polygon; the first parameter says how many it has
+
+
+def fence_items(fence: Fence) -> list[Command]:
+    """The vertices of a fence, longitudes and latitudes: of the area, and of the zones in it that are shut out."""
+    items = []
+    for ring, command in ((fence.area, _INCLUSION), *((zone, _EXCLUSION) for zone in fence.zones)):
+        corners = rounded(ring, geographic=True)
+        corners = corners[:-1] if corners[0] == corners[-1] else corners
+        items += [Command(command, _ABOVE_SEA, (len(corners), 0, 0, 0, y, x, 0)) for x, y in corners]
+    return items
 
 
 def items_of(
