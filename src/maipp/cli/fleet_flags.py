@@ -6,9 +6,11 @@ from typing import Annotated
 
 import tyro
 
+from maipp.cli.team_flags import TeamFlags
 
-@dataclass(frozen=True)
-class Fleet:
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet(TeamFlags):
     """Watch a fleet on a page, or simulate one: every robot a process of its own (docs/fleet.md).
 
     maipp fleet mission.yaml --simulate --speedup 60: all robots on this computer, and what they took home
@@ -17,9 +19,6 @@ class Fleet:
 
     maipp fleet keys DIR --robots NAME ...: the certificates by which robots know each other
     """
-
-    mission: Annotated[Path, tyro.conf.Positional]
-    """mission file or scenario file, the same for all robots"""
 
     simulate: bool = False
     """run all robots on this computer, with simulated vehicles"""
@@ -42,19 +41,6 @@ class Fleet:
 
     out: Path = Path("out/fleet")
     """simulated: folder of the robots' logs, and of the result"""
-
-    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """planner; left out: the mission file's, or receding-horizon with a scenario file"""
-
-    settings: Annotated[
-        tuple[tuple[str, ...], ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
-    ] = ()
-    """options of the planner"""
-
-    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """seed of the robots; left out: the mission file's, or 0"""
 
     epoch: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
     """of a fleet under way: Unix time of its start; left out: 0:00 UTC of today"""

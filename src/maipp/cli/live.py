@@ -4,10 +4,11 @@ import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import tyro
 
+from maipp.cli.team_flags import TeamFlags
 from maipp.errors import InputError
 from maipp.records import assignments
 from maipp.seeds import check_seed
@@ -16,31 +17,15 @@ if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
     from maipp.live import LiveSurvey
 
 
-@dataclass(frozen=True)
-class Live:
+@dataclass(frozen=True, kw_only=True)
+class Live(TeamFlags):
     """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live.md).
 
     Every event is in the journal before it is answered. Started again on its journal, the survey goes on.
     """
 
-    mission: Annotated[Path, tyro.conf.Positional]
-    """mission file (`maipp survey --new` prints one), or a scenario file (`maipp scenario`)"""
-
     journal: Path
     """file that every event is added to; made if it is not there"""
-
-    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """planner; left out: the mission file's, or receding-horizon with a scenario file"""
-
-    settings: Annotated[
-        tuple[tuple[str, ...], ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
-    ] = ()
-    """options of the planner"""
-
-    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """seed of starts left open, of roadmaps, and of the planner's randomness; left out: the mission file's, or 0"""
 
     epoch: float = 0.0
     """time of the survey's start, seconds; with Unix time as `time`, the Unix time of the start"""

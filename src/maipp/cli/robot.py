@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from maipp.cli.team_flags import TeamFlags
 from maipp.errors import InputError
 from maipp.records import assignments
 
@@ -23,15 +24,12 @@ if TYPE_CHECKING:  # they import JAX, which `maipp robot --help` can do without
 _SETTINGS = tyro.conf.arg(metavar="KEY=VALUE [KEY=VALUE ...]")
 
 
-@dataclass(frozen=True)
-class Robot:
+@dataclass(frozen=True, kw_only=True)
+class Robot(TeamFlags):
     """Run one robot of a fleet: its own belief, log and decisions; it tells the others what its radio reaches.
 
     Started again on its folder it goes on as itself (docs/fleet.md).
     """
-
-    mission: Annotated[Path, tyro.conf.Positional]
-    """mission file or scenario file, the same for all robots"""
 
     name: Annotated[str, tyro.conf.arg(metavar="NAME")]
     """which of the mission's robots this is"""
@@ -57,19 +55,6 @@ class Robot:
         tyro.conf.arg(name="with", metavar="KEY=VALUE [KEY=VALUE ...]"),
     ] = ()
     """options of the vehicle"""
-
-    planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """planner; left out: the mission file's, or receding-horizon with a scenario file"""
-
-    settings: Annotated[
-        tuple[tuple[str, ...], ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
-    ] = ()
-    """options of the planner"""
-
-    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """seed, the same for all robots; left out: the mission file's, or 0"""
 
     epoch: Annotated[float | None, tyro.conf.arg(metavar="SECONDS", help_behavior_hint="")] = None
     """Unix time of the survey's start, the same for all robots; left out: its log's, or 0:00 UTC of today"""
