@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maipp.benchmarks.evaluate import Progress, evaluate, refuse_values
+from maipp.benchmarks.evaluate import evaluate, refuse_values
 from maipp.benchmarks.fingerprint import planner_fingerprint
 from maipp.benchmarks.output import make_folder
 from maipp.benchmarks.table_rows import Row
@@ -56,9 +56,15 @@ class Cell:
         return max(self.scenario.budgets)
 
     @property
-    def missions(self) -> int:
-        """How many these are."""
-        return self.instances * self.trials
+    def kind(self) -> Hashable:
+        """Equal for cells that run the same compiled program."""
+        return self.row.name, self.shape
+
+    @property
+    def words(self) -> str:
+        """What it is, for a line about it."""
+        reach = "" if self.scenario.comm_range is None else f", range {self.scenario.comm_range:g}"
+        return f"{self.row.name}, budget {self.budget:g}{reach}"
 
     @cached_property
     def made_by(self) -> dict[str, Any]:
@@ -74,11 +80,20 @@ class Cell:
         }
         return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but `made_by`: whoever unpickles it works that out anew."""
+        return {name: value for name, value in self.__dict__.items() if name != "made_by"}
+
+    @property
+    def key(self) -> str:
+        """Its name, with a digest of all that decides the numbers."""
+        digest = hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:12]
+        return f"{self.row.name}.B{self.budget:g}.{digest}"
+
     @property
     def file(self) -> str:
         """Name of its file. What was made differently has another name, so a stale file is never read."""
-        digest = hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:12]
-        return f"{self.row.name}.B{self.budget:g}.{digest}.json"
+        return f"{self.key}.json"
 
     def load(self, folder: Path) -> CellResult | None:
         """What was computed before; None where there is no such file, or one that is damaged."""
@@ -94,7 +109,7 @@ class Cell:
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
-    def compute(self, progress: Progress | None = None) -> CellResult:
+    def compute(self) -> CellResult:
         """Run the missions."""
         result = evaluate(
             self.scenario,
@@ -105,14 +120,8 @@ class Cell:
             seed=self.seed,
             timing=False,
             shape=self.shape,
-            progress=progress,
         )
         return CellResult(result.values, result.wall_s, result.machine, result.versions)
-
-    def fill(self, folder: Path, progress: Progress | None = None) -> None:
-        """Run the missions and keep what they come to, unless another process or machine has done so by now."""
-        if self.load(folder) is None:
-            self.save(self.compute(progress), folder)
 
     def save(self, result: CellResult, folder: Path) -> None:
         """Write the file, whole or not at all.

@@ -19,7 +19,7 @@ from maipp.engine import Planner
 from maipp.errors import InputError
 
 # What every survey runs through, whoever plans it.
-_SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.benchmarks.evaluate")
+SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.benchmarks.evaluate")
 
 # Libraries of maipp that draw, print, read text and cut areas from maps: no number of a result comes from them.
 _NO_NUMBERS = {"matplotlib", "contourpy", "rich", "tyro", "pyyaml"}
@@ -42,7 +42,7 @@ def planner_fingerprint(planner: Planner) -> dict[str, Any]:
         "versions": versions() | library_versions() | _versions_of(distributions(theirs.outside)),
         "backend": jax.default_backend(),
         "precision": str(jnp.result_type(float)),
-        "code": code_digest((*_SIMULATION, *sorted(ours))),
+        "code": code_digest((*SIMULATION, *sorted(ours))),
         "file": _files_digest(theirs) if theirs.own else "",
         "weights": weights_digest(planner),
     }

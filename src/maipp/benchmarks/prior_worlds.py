@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from maipp.belief import Matern32
 from maipp.benchmarks.cells import Cell, CellResult
-from maipp.benchmarks.evaluate import Progress, scored
+from maipp.benchmarks.evaluate import scored
 from maipp.benchmarks.fingerprint import code_digest
 from maipp.benchmarks.machine import machine, versions
 from maipp.engine import Mission, Planner, draw_missions
@@ -33,12 +33,12 @@ class PriorCell(Cell):
         """Everything that decides the numbers, as plain JSON."""
         return {**super().made_by, "worlds": "prior", "draws": code_digest((__name__,))}
 
-    def compute(self, progress: Progress | None = None) -> CellResult:
+    def compute(self) -> CellResult:
         """Run the missions."""
         begun = time.perf_counter()
         planner = make_planner(self.row.planner, self.scenario, self.row.options)
         missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
-        values = scored(planner, missions, self.seed, self.trials, progress)
+        values = scored(planner, missions, self.seed, self.trials)
         return CellResult(values, time.perf_counter() - begun, machine(), versions())
 
 

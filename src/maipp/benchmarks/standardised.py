@@ -137,8 +137,8 @@ def main(flags: Standardised, base: Scenario | None = None) -> int:
     """Fill the table and write its files; gives the exit code."""
     sample = Sample(flags.instances, flags.trials, flags.seed)
 
-    def report(cell: Cell, number: int, count: int, missions: int) -> None:
-        if missions == 0:
+    def report(cell: Cell, number: int, count: int, done: bool) -> None:
+        if not done:
             where = "aspect {}, length scale {}".format(*_where(cell.scenario))
             print(f"{number + 1}/{count}: {where}, B = {cell.budget:g}, {cell.row.name}", file=sys.stderr, flush=True)
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from maipp.benchmarks.cells import Cell, CellResult
+from maipp.benchmarks.sweep import HERE, Where, run_sweep
 from maipp.benchmarks.table_rows import Row
-from maipp.benchmarks.table_workers import fill_by_workers
 from maipp.benchmarks.tables import Part, TableSpec
 from maipp.errors import InputError
 
-# Cell, its number among those to compute, how many these are, and its missions done: 0 when it begins, all at last.
-Report = Callable[[Cell, int, int, int], None]
+# Cell, its number among those to compute, how many these are, and whether it is done: False when somebody begins it.
+Report = Callable[[Cell, int, int, bool], None]
 
 
 class Sample(NamedTuple):
@@ -57,26 +57,31 @@ def share(every: Sequence[Cell], process: int, processes: int) -> list[Cell]:
     return [one for i, one in enumerate(every) if min(i % (2 * processes), ~i % (2 * processes)) == process]
 
 
-def fill(every: Sequence[Cell], folder: Path, report: Report | None = None, *, workers: int = 0) -> int:
+def fill(
+    every: Sequence[Cell],
+    folder: Path,
+    report: Report = lambda *_: None,
+    *,
+    where: Where = HERE,
+    note: Callable[[str], None] = lambda line: None,
+) -> int:
     """Compute and keep the cells that the folder lacks; gives how many these were.
 
-    `workers` is how many processes share the work, on a core each; 0: this process does it, on all devices that
-    missions shard over. The numbers are the same up to rounding. An interrupt loses the cells it meets, no other.
-    Raises `InputError` for a bad option before any work, where a file cannot be written, and where a worker was killed.
+    An interrupt loses the cells that are under way, no other, wherever they are computed; `note` hears of workers that
+    are no use. Raises `InputError` for a bad option before any work, where a file cannot be written, and where the
+    sweep does.
     """
     missing = [one for one in every if one.load(folder) is None]
 
-    def tell(number: int, missions: int) -> None:
-        if report is not None:
-            report(missing[number], number, len(missing), missions)
+    def keep(number: int, result: CellResult) -> None:
+        if missing[number].load(folder) is None:  # another process or machine may have done it by now
+            missing[number].save(result, folder)
+        report(missing[number], number, len(missing), True)
 
-    if workers and missing:
-        fill_by_workers(missing, folder, workers, tell)
-        return len(missing)
-    for number, one in enumerate(missing):
-        tell(number, 0)
-        one.fill(folder, lambda missions, _, number=number: tell(number, missions))
-        tell(number, one.missions)
+    def begun(number: int) -> None:
+        report(missing[number], number, len(missing), False)
+
+    run_sweep(missing, keep, where=where, begun=begun, note=note)
     return len(missing)
 
 

@@ -10,12 +10,13 @@ from rich.console import Console
 
 from maipp.benchmarks.cells import Cell
 from maipp.benchmarks.evaluate import check_counts
+from maipp.benchmarks.sweep import Where
 from maipp.benchmarks.table_files import write_table
 from maipp.benchmarks.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
 from maipp.benchmarks.table_run import Sample, cells, fill, share
-from maipp.benchmarks.table_workers import default_workers
 from maipp.benchmarks.tables import TABLES, TableSpec
 from maipp.cli.notes import counting_bar, notes_console
+from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.records import unknown
 from maipp.seeds import check_seed
@@ -24,7 +25,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class TableFlags:
+class TableFlags(SweepFlags):
     """Fill a table, or go on filling it; the same command again computes only what is missing."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -53,10 +54,6 @@ class TableFlags:
 
     processes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
     """processes in all"""
-
-    workers: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """processes on this machine, a core each, 0 for this one alone on all devices; left out: one per core, fewer where
-    memory is short, and 0 where there is an accelerator"""
 
     table: ClassVar[str]
 
@@ -104,13 +101,11 @@ def run(flags: TableFlags) -> int:
         raise InputError("--process-id and --processes: only one is given; give both, or neither")
     if flags.processes is not None and flags.process_id is not None:
         every = share(every, flags.process_id, flags.processes)
-    if flags.workers is not None and flags.workers < 0:
-        raise InputError(f"--workers: {flags.workers} is negative; give a whole number >= 0")
-    workers = default_workers() if flags.workers is None else flags.workers
+    where = flags.where()
     notes = notes_console()
     begun = time.monotonic()
     try:
-        computed = _fill(table, every, flags.out, workers, notes)
+        computed = _fill(table, every, flags.out, where, notes)
     except KeyboardInterrupt:
         notes.print("interrupted; the same command goes on with the cells that are missing")
         return INTERRUPTED
@@ -134,22 +129,17 @@ def _sample(flags: TableFlags) -> Sample:
     return sample._replace(**given, seed=flags.seed)
 
 
-def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes: Console) -> int:
+def _fill(table: TableSpec, every: list[Cell], folder: Path, where: Where, notes: Console) -> int:
     """Compute what is missing, with a bar, or a line for each cell where there is no terminal."""
     with counting_bar(notes, "cells") as bar:
         task = bar.add_task(table.name, total=None)
-        shares: dict[int, float] = {}  # of each cell begun, how much is done
+        begun: set[int] = set()
 
-        def report(cell: Cell, number: int, count: int, missions: int) -> None:
+        def report(cell: Cell, number: int, count: int, done: bool) -> None:
             """Show where the work is."""
-            if not notes.is_terminal and missions == 0:
-                notes.print(f"cell {len(shares) + 1} of {count}: {_words(cell)}")
-            shares[number] = missions / cell.missions
-            bar.update(task, total=count, completed=sum(shares.values()), description=_words(cell))
+            if not notes.is_terminal and number not in begun:
+                notes.print(f"cell {len(begun) + 1} of {count}: {cell.words}")
+            begun.add(number)
+            bar.update(task, total=count, advance=int(done), description=cell.words)
 
-        return fill(every, folder, report, workers=workers)
-
-
-def _words(cell: Cell) -> str:
-    reach = "" if cell.scenario.comm_range is None else f", range {cell.scenario.comm_range:g}"
-    return f"{cell.row.name}, budget {cell.budget:g}{reach}"
+        return fill(every, folder, report, where=where, note=lambda line: notes.print(line, markup=False))
