@@ -66,9 +66,13 @@ class Cell:
         reach = "" if self.scenario.comm_range is None else f", range {self.scenario.comm_range:g}"
         return f"{self.row.name}, budget {self.budget:g}{reach}"
 
-    @cached_property
-    def made_by(self) -> dict[str, Any]:
+    @property
+    def made_by(self) -> Mapping[str, Any]:
         """Everything that decides the numbers, as plain JSON. Raises `InputError` for bad options or weights."""
+        return self._made_by
+
+    @cached_property
+    def _made_by(self) -> dict[str, Any]:
         planner = make_planner(self.row.planner, self.scenario, self.row.options)
         made_by = {
             "scenario": self.scenario.to_dict(),
@@ -82,7 +86,7 @@ class Cell:
 
     def __getstate__(self) -> dict[str, Any]:
         """All but `made_by`: whoever unpickles it works that out anew."""
-        return {name: value for name, value in self.__dict__.items() if name != "made_by"}
+        return {name: value for name, value in self.__dict__.items() if name != "_made_by"}
 
     @property
     def key(self) -> str:

@@ -177,20 +177,21 @@ class Cluster:
 def _connected(address: str, protection: Any) -> Any:
     """A client of the scheduler. Raises `InputError` where nobody answers, or one who cannot be talked with."""
     quiet()
-    import dask
+    from dask import config
     from distributed import Client
 
-    with warnings.catch_warnings(), dask.config.set({"distributed.comm.timeouts.connect": f"{_CONNECT}s"}):
+    with warnings.catch_warnings(), config.set({"distributed.comm.timeouts.connect": f"{_CONNECT}s"}):
         warnings.simplefilter("ignore")  # of versions: those that matter are compared below
         try:
             client = Client(address, timeout=_CONNECT, security=protection, set_as_default=False, name="maipp")
-            scheduler = client.get_versions()["scheduler"]["packages"]
+            scheduler: Any = client.get_versions()
+            packages = scheduler["scheduler"]["packages"]
         except (OSError, TimeoutError, ValueError, RuntimeError) as error:
             raise InputError(
                 f"--cluster: no scheduler answers at {address} ({first_line(error)}); start one with: maipp scheduler"
             ) from None
     here = {name: importlib.metadata.version(name) for name in ("distributed", "msgpack", "cloudpickle")}
-    reason = _difference(here, {name: scheduler.get(name) for name in here})
+    reason = _difference(here, {name: packages.get(name) for name in here})
     if reason is not None:
         client.close(timeout=5)
         raise InputError(f"--cluster: the scheduler at {address} is refused: {reason}")

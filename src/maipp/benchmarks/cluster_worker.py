@@ -55,12 +55,12 @@ def serve_workers(
 async def _work(
     address: Address, cores: list[Any], protection: Any, patience: float, told: Callable[[str], None]
 ) -> None:
-    import dask
+    from dask import config
     from distributed import Nanny
     from distributed.core import Status
 
     await _answered(address, protection, patience)
-    with tempfile.TemporaryDirectory(prefix="maipp-worker-") as folder, dask.config.set(_WORKER_SETTINGS):
+    with tempfile.TemporaryDirectory(prefix="maipp-worker-") as folder, config.set(_WORKER_SETTINGS):
         common: dict[str, Any] = {"nthreads": 1, "memory_limit": 0, "security": protection, **_NO_PAGES}
         common |= {"preload": [__name__], "local_directory": folder, "host": address.host if address.loopback else None}
         nannies = [
@@ -82,7 +82,7 @@ def _environment(core: int | None) -> dict[str, str]:
 
 async def _answered(address: Address, protection: Any, patience: float) -> None:
     """Wait for the scheduler. Raises `InputError` where it does not answer in time."""
-    from distributed.comm import connect
+    from distributed.comm.core import connect
 
     arguments = protection.get_connection_args("worker") if protection is not None else {}
     try:
@@ -105,11 +105,11 @@ def serve_scheduler(address: Address, tls: Path | None, told: Callable[[str], No
 
 
 async def _schedule(address: Address, protection: Any, told: Callable[[str], None]) -> None:
-    import dask
+    from dask import config
     from distributed import Scheduler
 
     host = address.host.strip("[]")
-    with dask.config.set(SCHEDULER_SETTINGS):
+    with config.set(SCHEDULER_SETTINGS):
         try:
             async with Scheduler(
                 host=host, port=address.port, protocol=address.scheme, security=protection, **_NO_PAGES

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Mapping
 from enum import Enum
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from maipp.devices import use_one_core
 from maipp.errors import InputError
@@ -23,6 +23,7 @@ class _Lost(Enum):
 LOST = _Lost.LOST  # what a job comes to whose worker is no more
 
 
+@runtime_checkable
 class Job(Protocol):
     """One piece of a sweep. It can be pickled, and what it comes to depends on nothing but what `made_by` says."""
 

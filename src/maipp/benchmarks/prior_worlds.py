@@ -29,9 +29,8 @@ class PriorCell(Cell):
     """The missions of one row at one budget, the ground truth a draw of the prior with the scenario's kernel."""
 
     @cached_property
-    def made_by(self) -> dict[str, Any]:
-        """Everything that decides the numbers, as plain JSON."""
-        return {**super().made_by, "worlds": "prior", "draws": code_digest((__name__,))}
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by, "worlds": "prior", "draws": code_digest((__name__,))}
 
     def compute(self) -> CellResult:
         """Run the missions."""

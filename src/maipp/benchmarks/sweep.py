@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from maipp.benchmarks.cluster import Cluster
 from maipp.benchmarks.jobs import LOST, Job
@@ -18,6 +18,7 @@ from maipp.benchmarks.local import Processes, default_workers
 Number = int  # of a job among those of the sweep
 
 
+@runtime_checkable
 class Crew(Protocol):
     """Those who work on a sweep: seats, each of which works on one job at a time."""
 

@@ -17,14 +17,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.benchmarks import table_workers
+from maipp.benchmarks import local
 from maipp.benchmarks.cells import CELLS
+from maipp.benchmarks.local import MOST_DEATHS, default_workers, pinned_cores
+from maipp.benchmarks.sweep import Where, choose, run_sweep
 from maipp.benchmarks.table_rows import Row
 from maipp.benchmarks.table_run import Sample, cells, fill
-from maipp.benchmarks.table_workers import choose, default_workers, fill_by_workers
 from maipp.errors import InputError
+from tests.benchmarks.sweep_jobs import Held, held, started
 
 SAMPLE = Sample(instances=2, trials=2, seed=3)
+ONE, TWO = Where(workers=1), Where(workers=2)
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +37,13 @@ def every(tiny_table):
 
 def test_two_workers_make_what_one_makes_and_up_to_rounding_what_this_process_does(every, tmp_path):
     told = []
-    count = fill(every, tmp_path / "two", lambda *one: told.append(one), workers=2)
+    count = fill(every, tmp_path / "two", lambda *one: told.append(one), where=TWO)
     assert count == len(every) == len(list((tmp_path / "two" / CELLS).iterdir()))
     assert multiprocessing.active_children() == []
-    begun = [number for _, number, _, missions in told if missions == 0]
-    ended = [number for _, number, _, missions in told if missions == 4]
-    assert sorted(begun) == sorted(set(ended)) == list(range(count))
+    for wanted in (False, True):
+        assert sorted(number for _, number, _, done in told if done is wanted) == list(range(count))
     assert all(cell is every[number] and of == count for cell, number, of, _ in told)
-    fill(every, tmp_path / "one", workers=1)
+    fill(every, tmp_path / "one", where=ONE)
     fill(every, tmp_path / "here")
     for cell in every:
         two, one, here = (cell.load(tmp_path / folder).values for folder in ("two", "one", "here"))
@@ -51,40 +53,32 @@ def test_two_workers_make_what_one_makes_and_up_to_rounding_what_this_process_do
     # On a core each.
     made = [json.loads(path.read_text(encoding="utf-8")) for path in (tmp_path / "two" / CELLS).iterdir()]
     assert {one["machine"]["devices"] for one in made} == {1}
-    assert fill(every, tmp_path / "two", workers=2) == 0
+    assert fill(every, tmp_path / "two", where=TWO) == 0
 
 
 def test_what_is_wrong_with_a_cell_is_told_and_nobody_is_left(every, tmp_path):
     """An option that only shows when missions are drawn; here a field file that has gone."""
     missing = replace(every[0], scenario=every[0].scenario.replace(field=str(tmp_path / "gone.npy")))
     with pytest.raises(InputError, match=r"gone\.npy"):
-        fill([missing, *every[:2]], tmp_path / "run", workers=2)
+        fill([missing, *every[:2]], tmp_path / "run", where=TWO)
     assert multiprocessing.active_children() == []
 
 
-def test_an_error_of_ours_shows_its_traceback(every, tmp_path):
-    broken = copy.copy(every[0])
-    object.__setattr__(broken, "trials", None)
+def swept(jobs, where=ONE, **told):
+    kept = {}
+    run_sweep(jobs, kept.__setitem__, where=where, **told)
+    assert multiprocessing.active_children() == []
+    return kept
+
+
+def test_an_error_of_ours_shows_its_traceback(tmp_path):
     with pytest.raises(RuntimeError, match="Traceback"):
-        fill([broken], tmp_path / "run", workers=1)
+        swept([Held(0, str(tmp_path), fails=True)])
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so there")
-def test_a_worker_that_is_killed_costs_its_cell_and_is_told(every, tmp_path):
-    """As the system does where memory runs out."""
-    begun = []
-
-    def report(cell, number, count, missions):
-        begun.append(number)
-        if len(begun) == 1:
-            (worker,) = multiprocessing.active_children()
-            assert worker.pid is not None
-            os.kill(worker.pid, signal.SIGKILL)
-
-    with pytest.raises(InputError, match="random, budget 3, was ended by signal 9, .* memory.*fewer workers"):
-        fill(every, tmp_path, report, workers=1)
-    assert multiprocessing.active_children() == []
-    assert fill(every[:2], tmp_path) == 2
+def test_a_job_that_would_come_to_something_else_is_refused(tmp_path):
+    with pytest.raises(InputError, match="job 0: would come to something else on .*: process is "):
+        swept([Held(0, str(tmp_path), moody=True)])
 
 
 class Unreadable:
@@ -94,42 +88,39 @@ class Unreadable:
         return importlib.import_module, ("no_such_module",)
 
 
-def test_what_a_worker_cannot_import_is_told(every, tmp_path):
-    broken = copy.copy(every[0])
-    object.__setattr__(broken, "trials", Unreadable())
-    with pytest.raises(InputError, match="cannot make the cell: ModuleNotFoundError: No module named 'no_such"):
-        fill_by_workers([broken], tmp_path, 1, lambda *_: None)
-    assert multiprocessing.active_children() == []
+def test_what_a_worker_cannot_import_is_told(tmp_path):
+    broken = Held(0, str(tmp_path))
+    object.__setattr__(broken, "folder", Unreadable())
+    with pytest.raises(InputError, match="cannot make the job: ModuleNotFoundError: No module named 'no_such"):
+        swept([broken])
 
 
-@pytest.mark.parametrize(("end", "told"), [("_ends", r"by itself \(exit code 3\).*__main__"), ("_killed", "signal 9")])
-def test_how_a_worker_ended_is_told(every, monkeypatch, tmp_path, end, told):
-    """Before it could answer: such as a script without a guard, which fails while the worker begins."""
-    monkeypatch.setattr(table_workers, "work", globals()[end])
-    with pytest.raises(InputError, match=f"random, budget 2, .*{told}"):
-        fill_by_workers(every[:1], tmp_path, 1, lambda *_: None)
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so there")
+def test_what_a_killed_worker_did_is_done_again_and_nothing_else(tmp_path):
+    """As the system does where memory runs out."""
+    jobs = held(6, tmp_path, dies={2: 1})
+    assert swept(jobs, TWO) == {n: n * n for n in range(6)}
+    assert sorted(key for key, _ in started(tmp_path)) == sorted([*(job.key for job in jobs), jobs[2].key])
 
 
-def _ends(*_):
-    sys.exit(3)
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so there")
+def test_a_job_that_kills_every_worker_is_given_up(tmp_path):
+    with pytest.raises(InputError, match="computed job 0, was ended by signal 9, .* memory, and so were 2 .*fewer"):
+        swept(held(1, tmp_path, dies={0: MOST_DEATHS}))
+    assert multiprocessing.active_children() == [] and len(started(tmp_path)) == MOST_DEATHS
 
 
-def _killed(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
+def test_a_worker_that_ends_by_itself_is_told(tmp_path):
+    """Such as a script without a guard, which fails while the worker begins."""
+    with pytest.raises(InputError, match=r"job 0, ended by itself \(exit code 3\).*__main__"):
+        swept([Held(0, str(tmp_path), ends=True)])
 
 
-@pytest.mark.parametrize(("quota", "pinned"), [(None, True), (1, False)])
-def test_workers_have_cores_of_their_own_but_not_of_a_quota(every, monkeypatch, tmp_path, quota, pinned):
-    monkeypatch.setattr(table_workers, "cores_here", lambda: [0, 1])
-    monkeypatch.setattr(table_workers, "core_count", lambda: quota or 2)
-    monkeypatch.setattr(table_workers, "work", _tells_its_core)
-    with pytest.raises(InputError, match="core 0" if pinned else "core None"):
-        fill_by_workers(every[:1], tmp_path, 1, lambda *_: None)
-
-
-def _tells_its_core(channel, folder, core):
-    channel.send(InputError(f"core {core}"))
-    channel.recv_bytes()
+@pytest.mark.parametrize(("quota", "cores"), [(None, [0, 1]), (1, [None])])
+def test_workers_have_cores_of_their_own_but_not_of_a_quota(monkeypatch, quota, cores):
+    monkeypatch.setattr(local, "cores_here", lambda: [0, 1])
+    monkeypatch.setattr(local, "core_count", lambda: quota or 2)
+    assert pinned_cores() == cores
 
 
 @pytest.fixture
@@ -208,7 +199,7 @@ def test_every_cell_is_chosen_once_and_a_kind_is_shared_only_at_the_end(kinds, w
 
 
 def test_there_is_a_worker_per_core_where_memory_allows(monkeypatch):
-    monkeypatch.setattr(table_workers, "core_count", lambda: 6)
+    monkeypatch.setattr(local, "core_count", lambda: 6)
     for memory, limit, workers in [
         (64 << 30, None, 6),
         (64 << 30, 1 << 62, 6),
@@ -217,18 +208,23 @@ def test_there_is_a_worker_per_core_where_memory_allows(monkeypatch):
         (1 << 30, 8 << 30, 1),
     ]:
         monkeypatch.setattr(os, "sysconf", lambda name, memory=memory: {"SC_PAGE_SIZE": 1}.get(name, memory))
-        monkeypatch.setattr(table_workers, "memory_limit", lambda limit=limit: limit)
+        monkeypatch.setattr(local, "memory_limit", lambda limit=limit: limit)
         assert default_workers() == workers
     monkeypatch.delattr(os, "sysconf")
     assert default_workers() == 4
-    monkeypatch.setattr(table_workers, "memory_limit", lambda: None)
+    monkeypatch.setattr(local, "memory_limit", lambda: None)
     assert default_workers() == 6
     monkeypatch.setattr("jax.default_backend", lambda: "gpu")
     assert default_workers() == 0
 
 
 def test_cells_that_share_a_compilation_are_of_one_kind(every):
-    kinds = [table_workers._kind(cell) for cell in every]
+    kinds = [cell.kind for cell in every]
     assert kinds[0] == kinds[1] != kinds[2]  # both budgets of random, then greedy
     assert kinds[4] == kinds[5]  # and those of lawnmower
-    assert len({kinds[0], table_workers._kind(replace(every[0], row=Row("other", "random")))}) == 2
+    assert len({kinds[0], replace(every[0], row=Row("other", "random")).kind}) == 2
+
+
+def test_a_cell_that_travels_works_out_anew_what_it_is_made_by(every):
+    assert "_made_by" in every[0].__dict__ or every[0].made_by
+    assert "_made_by" not in copy.copy(every[0]).__dict__
