@@ -80,7 +80,7 @@ def tiny_planner(request):
 @pytest.fixture(scope="session")
 def tiny_table():
     """Table IV of the benchmark with two ranges, two budgets, missions and rows that compile quickly."""
-    from maipp.benchmarks.tables import TABLES, Part
+    from maipp.bench.tables import TABLES, Part
 
     table = TABLES["table4"]
     parts = tuple(Part(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])

@@ -20,7 +20,7 @@ import pytest
 import tyro
 
 import maipp
-from maipp.benchmarks.tables import TABLES
+from maipp.bench.tables import TABLES
 from maipp.cli.benchmark import Benchmark
 from maipp.cli.benchmark_table import TableFlags
 from maipp.cli.evaluate import Evaluate, _rows

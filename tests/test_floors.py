@@ -23,7 +23,7 @@ FLOORS = (
     ("policy", "viz", "missions", "adapters"),
     ("planners",),
     ("training",),
-    ("benchmarks", "surveys", "live", "results", "fleet"),
+    ("bench", "surveys", "live", "results", "fleet"),
     ("cli", "__main__"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}

@@ -2,8 +2,8 @@
 
 import pytest
 
-from maipp.benchmarks import cells as cells_module
-from maipp.benchmarks import tables
+from maipp.bench import cells as cells_module
+from maipp.bench import tables
 from maipp.cli.main import main
 
 HERE = ["--workers", "0"]  # in this process, where tests can reach in

@@ -20,11 +20,11 @@ from typing import Any
 
 import tyro
 
-from maipp.benchmarks.cells import CELLS, Cell
-from maipp.benchmarks.sweep import Where, run_sweep
-from maipp.benchmarks.table_page import QUICK_SAMPLE
-from maipp.benchmarks.table_run import cells
-from maipp.benchmarks.tables import TABLES
+from maipp.bench.cells import CELLS, Cell
+from maipp.bench.sweep.dealing import Where, run_sweep
+from maipp.bench.table_page import QUICK_SAMPLE
+from maipp.bench.table_run import cells
+from maipp.bench.tables import TABLES
 
 STARTS = "starts"  # file of all starts: the cell and the processes
 

@@ -8,13 +8,13 @@ from typing import Annotated, ClassVar
 import tyro
 from rich.console import Console
 
-from maipp.benchmarks.cells import Cell
-from maipp.benchmarks.evaluate import check_counts
-from maipp.benchmarks.sweep import Where
-from maipp.benchmarks.table_files import write_table
-from maipp.benchmarks.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
-from maipp.benchmarks.table_run import Sample, cells, fill, share
-from maipp.benchmarks.tables import TABLES, TableSpec
+from maipp.bench.cells import Cell
+from maipp.bench.evaluate import check_counts
+from maipp.bench.sweep.dealing import Where
+from maipp.bench.table_files import write_table
+from maipp.bench.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
+from maipp.bench.table_run import Sample, cells, fill, share
+from maipp.bench.tables import TABLES, TableSpec
 from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError

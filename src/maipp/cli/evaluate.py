@@ -10,8 +10,8 @@ import tyro
 from rich import box
 from rich.table import Table
 
-from maipp.benchmarks.evaluate import Evaluation, evaluate, save_evaluations, to_json
-from maipp.benchmarks.page import three
+from maipp.bench.evaluate import Evaluation, evaluate, save_evaluations, to_json
+from maipp.bench.page import three
 from maipp.cli.notes import counting_bar, notes_console, results_console
 from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.cluster_address import PORT, read_address
-from maipp.benchmarks.cluster_worker import serve_scheduler
+from maipp.bench.sweep.address import PORT, read_address
+from maipp.bench.sweep.cluster_worker import serve_scheduler
 from maipp.cli.notes import notes_console
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.sweep import Where
+from maipp.bench.sweep.dealing import Where
 from maipp.errors import InputError
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.cluster_address import read_address
-from maipp.benchmarks.cluster_worker import serve_workers
+from maipp.bench.sweep.address import read_address
+from maipp.bench.sweep.cluster_worker import serve_workers
 from maipp.cli.compiled import keep_compiled
 from maipp.cli.notes import notes_console
 from maipp.errors import InputError
@@ -32,7 +32,7 @@ class Worker:
 
 def run(flags: Worker) -> int:
     """Work. Raises `InputError` for what is wrong."""
-    from maipp.benchmarks.local import workers_that_fit
+    from maipp.bench.sweep.local import workers_that_fit
     from maipp.cli.sweep_flags import check_patience
 
     address = read_address(flags.address, "ADDRESS")

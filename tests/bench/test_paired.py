@@ -1,0 +1,26 @@
+"""Paired tests agree with their definitions."""
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_rel, wilcoxon
+
+from maipp.bench.paired import paired
+
+
+def test_it_is_the_difference_of_instance_means():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(1.0, 1.0, (12, 3)), rng.normal(0.0, 1.0, (12, 2))  # trials may differ in number
+    test = paired(a, b)
+    assert test.mean == pytest.approx(a.mean() - b.mean())
+    assert test.se is not None
+    assert test.mean / test.se == pytest.approx(ttest_rel(a.mean(axis=1), b.mean(axis=1)).statistic)
+    assert test.p == pytest.approx(wilcoxon(a.mean(axis=1), b.mean(axis=1))[1])
+
+
+def test_nothing_differs_from_itself():
+    values = np.random.default_rng(0).normal(size=(5, 2))
+    assert paired(values, values) == (0.0, 0.0, 1.0)
+
+
+def test_one_instance_tells_nothing_of_errors():
+    assert paired(np.array([[3.0, 5.0]]), np.array([[1.0]])) == (3.0, None, None)
