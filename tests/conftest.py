@@ -85,4 +85,4 @@ def tiny_table():
     table = TABLES["table4"]
     parts = tuple(Part(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
     rows = tuple(row for row in table.rows if row.name in ("random", "greedy", "lawnmower"))
-    return replace(table, rows=rows, parts=parts, budgets=(2.0, 3.0), reference="greedy")
+    return replace(table, rows=rows, parts=parts, columns=(2.0, 3.0), reference="greedy")

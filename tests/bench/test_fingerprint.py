@@ -12,8 +12,8 @@ import pytest
 from maipp.bench import fingerprint, source_code
 from maipp.bench.cells import Cell
 from maipp.bench.fingerprint import code_digest, planner_fingerprint, weights_digest
+from maipp.bench.rows import Row
 from maipp.bench.source_code import user_code
-from maipp.bench.table_rows import Row
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.problem import shape_of

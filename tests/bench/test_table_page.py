@@ -14,8 +14,8 @@ from maipp.bench.output import compressed
 from maipp.bench.table_figure import draw_table
 from maipp.bench.table_files import table_csv
 from maipp.bench.table_page import table_page
-from maipp.bench.table_run import Line, Sample
-from maipp.bench.tables import TABLES
+from maipp.bench.table_run import Line
+from maipp.bench.tables import TABLES, Sample
 
 GOLDEN = Path(__file__).parent / "golden"
 SAMPLE = Sample(instances=4, trials=2, seed=1)
@@ -45,7 +45,7 @@ def lines(table):
         Line(
             row,
             part,
-            {b: result(i + int(b), scales[row.name] / b, min(2, row.most_trials or 2)) for b in table.budgets},
+            {b: result(i + int(b), scales[row.name] / b, min(2, row.trials or 2)) for b in table.columns},
         )
         for part in table.parts
         for i, row in enumerate(table.rows)

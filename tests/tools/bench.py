@@ -91,7 +91,7 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     import jax
 
     from maipp.bench.latency import decision_time
-    from maipp.bench.table_rows import Row
+    from maipp.bench.rows import Row
     from maipp.engine import run_missions
 
     planner, batch = Row(name, name).drawn(scenario, instances=missions, seed=0)

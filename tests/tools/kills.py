@@ -22,7 +22,7 @@ import tyro
 
 from maipp.bench.cells import CELLS, Cell
 from maipp.bench.sweep.dealing import Where, run_sweep
-from maipp.bench.table_page import QUICK_SAMPLE
+from maipp.bench.table_page import quick_sample
 from maipp.bench.table_run import cells
 from maipp.bench.tables import TABLES
 
@@ -86,7 +86,7 @@ class Kills:
 def wanted(flags: Kills) -> list[Cell]:
     """The cells of the table."""
     rows = [row for row in TABLES["table1"].chosen(flags.planners) if row.quick]
-    return list(cells(TABLES["table1"], rows, QUICK_SAMPLE))
+    return list(cells(TABLES["table1"], rows, quick_sample(TABLES["table1"])))
 
 
 def sweep(flags: Kills) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from maipp.bench.evaluate import evaluate, refuse_values
-from maipp.bench.fingerprint import planner_fingerprint
+from maipp.bench.evaluate import evaluate, refuse_values, scored
+from maipp.bench.fingerprint import code_digest, planner_fingerprint
+from maipp.bench.machine import machine, versions
 from maipp.bench.output import make_folder
-from maipp.bench.table_rows import Row
+from maipp.bench.prior_worlds import prior_missions
+from maipp.bench.rows import Row
 from maipp.files import write_atomic
 from maipp.planners import make_planner, planner_options
 from maipp.problem import Shape
@@ -49,6 +52,7 @@ class Cell:
     trials: int
     seed: int
     shape: Shape  # that it is compiled for; whatever that is, the numbers are the same up to rounding
+    worlds: str = "mixture"  # of `maipp.bench.tables.WORLDS`
 
     @property
     def budget(self) -> float:
@@ -82,6 +86,8 @@ class Cell:
             "trials": self.trials,
             "seed": self.seed,
         }
+        if self.worlds == "prior":
+            made_by |= {"worlds": "prior", "draws": code_digest((prior_missions.__module__,))}
         return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -115,6 +121,12 @@ class Cell:
 
     def compute(self) -> CellResult:
         """Run the missions."""
+        if self.worlds == "prior":
+            begun = time.perf_counter()
+            planner = make_planner(self.row.planner, self.scenario, self.row.options)
+            missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
+            values = scored(planner, missions, self.seed, self.trials)
+            return CellResult(values, time.perf_counter() - begun, machine(), versions())
         result = evaluate(
             self.scenario,
             self.row.planner,

@@ -15,7 +15,7 @@ from maipp.bench import page
 from maipp.bench.latency import decision_seconds
 from maipp.bench.machine import machine, versions
 from maipp.bench.output import make_folder
-from maipp.bench.table_rows import Row
+from maipp.bench.rows import Row
 from maipp.bench.tables import TABLES
 from maipp.devices import missions_devices
 from maipp.engine import run_missions

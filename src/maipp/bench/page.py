@@ -15,6 +15,9 @@ METRICS = {
     "own_trace": "Tr(P) of the agents' own beliefs",
     "true_trace": "Tr(P) over the true high-interest area",
     "rmse": "RMSE",
+    "unspent": "budget left",
+    "distance": "distance travelled",
+    "decisions": "decisions",
 }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from maipp.bench.intent_history import divergences, intents_told
 from maipp.bench.page import mean_and_error, shown, three
 from maipp.bench.paired import Paired, paired
-from maipp.bench.table_rows import RRT_LONG, RRT_MEDIUM, RRT_SHORT, Row, intent_row
+from maipp.bench.rows import Row, known_rows
 from maipp.engine.score import score_missions
 from maipp.markdown import markdown_table
 from maipp.scenario import Scenario
@@ -22,9 +22,10 @@ from maipp.typing import Float
 
 NODES = (3, 6, 9)  # of the sampled paths: j
 KINDS = {
-    "TI": {j: intent_row("ti", j) for j in NODES},
-    "DI": {j: intent_row("di", j) for j in NODES},
-    "SGA+RRT": {2: RRT_SHORT, 4: RRT_MEDIUM, 5: RRT_LONG},  # by the most measurements that a path announces
+    "TI": {j: known_rows()[f"ti-{j}"] for j in NODES},
+    "DI": {j: known_rows()[f"di-{j}"] for j in NODES},
+    # By the most measurements that a path announces.
+    "SGA+RRT": {j: known_rows()[f"sga-rrt-{length}"] for j, length in ((2, 0.3), (4, 0.6), (5, 0.9))},
 }
 _LEVEL = 0.05  # of the tests that a verdict rests on
 

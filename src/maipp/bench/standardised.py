@@ -16,11 +16,10 @@ from maipp.bench.cells import Cell
 from maipp.bench.evaluate import check_counts
 from maipp.bench.output import csv_text
 from maipp.bench.page import shown
-from maipp.bench.prior_worlds import PriorCell
+from maipp.bench.rows import Row
 from maipp.bench.table_page import made_on
-from maipp.bench.table_rows import Row
-from maipp.bench.table_run import Line, Sample, cells, fill, read
-from maipp.bench.tables import Part, TableSpec
+from maipp.bench.table_run import Line, cells, fill, read
+from maipp.bench.tables import WORLDS, Part, Sample, TableSpec
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from maipp.files import write_atomic
@@ -30,7 +29,6 @@ from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
 PLANNERS = ("ti-star", "shared-greedy", "receding-horizon", "lawnmower")
-WORLDS = {"prior": PriorCell, "mixture": Cell}
 
 
 @dataclass(frozen=True)
@@ -83,13 +81,13 @@ def spec(flags: Standardised, base: Scenario | None = None) -> TableSpec:
         for aspect, scale in itertools.product(flags.aspects, flags.length_scales)
     )
     rows = tuple(Row(planner, planner) for planner in flags.planners)
-    return TableSpec("standardised", "", rows, parts, flags.budgets, kind=WORLDS[flags.worlds])
+    return TableSpec("standardised", "", rows, parts, flags.budgets, worlds=flags.worlds)
 
 
 def table(spec: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
     """Markdown: for each budget a table of Tr(P), its standard error, and what it is of the initial trace."""
     blocks = []
-    for budget in spec.budgets:
+    for budget in spec.columns:
         rows: dict[tuple[str, str], dict[str, str]] = {}
         for line in lines:
             values, initial = line.results[budget].values["trace"], initial_trace(line.part.scenario)

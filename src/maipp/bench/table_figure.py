@@ -52,19 +52,19 @@ def draw_table(table: TableSpec, lines: Sequence[Line]) -> Figure:
 
 def _draw_line(axes: Axes, table: TableSpec, line: Line, place: int) -> None:
     printed = line.part.printed.get(line.row.paper or "", {})
-    for number, budget in enumerate(table.budgets):
+    for number, column in enumerate(table.columns):
         colour = AGENT_COLOURS[number]
-        summary = summarise(line.results[budget].values[table.metric])
+        summary = summarise(line.results[column].values[table.metric])
         axes.errorbar(
             summary.mean, place, xerr=summary.se, color=colour, marker="o", ms=4.0, mec="white", mew=0.4, lw=1.0
         )
-        if budget in printed:
-            axes.plot(printed[budget].mean, place, ls="", marker="D", ms=4.5, mfc="none", mec=colour, mew=1.0)
+        if column in printed:
+            axes.plot(printed[column].mean, place, ls="", marker="D", ms=4.5, mfc="none", mec=colour, mew=1.0)
 
 
 def _legend(table: TableSpec) -> list[Line2D]:
     entries = [
-        Line2D([], [], ls="", marker="o", ms=4.5, color=AGENT_COLOURS[number], label=f"B = {budget:g}")
-        for number, budget in enumerate(table.budgets)
+        Line2D([], [], ls="", marker="o", ms=4.5, color=AGENT_COLOURS[number], label=table.heading(column))
+        for number, column in enumerate(table.columns)
     ]
     return [*entries, Line2D([], [], ls="", marker="D", ms=4.5, mfc="none", mec=GREY, label="the paper's")]

@@ -16,7 +16,8 @@ from maipp.files import write_atomic
 
 BRIEF = "brief"  # folder of the short forms, for pages that have more to say than results
 
-_ABOUT = ("table", "row", "planner", "options", "agents", "budget", "range", "length_scale", "instance", "trial")
+_ABOUT = ("table", "row", "planner", "options", "agents", "budget", "range", "length_scale")
+_COLUMNS = ("agents", "budget", "comm_range", "length_scale")  # keys of the scenario that are among them
 
 
 def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) -> list[Path]:
@@ -27,7 +28,9 @@ def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) 
     """
     lines = read(table, folder, sample)
     if not lines:
-        raise InputError(f"{folder}: no row of {table.name} has all its cells yet; run `maipp benchmark {table.name}`")
+        raise InputError(
+            f"{folder}: no row of {table.name} has all its cells yet; run `maipp benchmark {table.typed or table.name}`"
+        )
     csv, figure, page = (folder / f"{table.name}{suffix}" for suffix in (".csv.gz", ".png", ".md"))
     write_atomic(csv, compressed(table_csv(table, lines)))
     save_figure(draw_table(table, lines), figure)
@@ -44,17 +47,20 @@ def table_csv(table: TableSpec, lines: Sequence[Line]) -> str:
 
     Numbers have the fewest digits that give them again at their own precision.
     """
+    own = [table.column] * (table.column not in _COLUMNS)
     metrics = list(next(iter(lines[0].results.values())).values) if lines else []
 
     def rows() -> Iterator[list[object]]:
         for line in lines:
-            scenario, row = line.part.scenario, line.row
-            reach = "" if scenario.comm_range is None else f"{scenario.comm_range:g}"
-            for budget, result in line.results.items():
-                about = [table.name, row.name, row.planner, row.typed_options, scenario.agents, f"{budget:g}", reach]
-                about.append(f"{scenario.length_scale:g}")
+            row = line.row
+            for column, result in line.results.items():
+                scenario = table.scenario(line.part, column)
+                reach = "" if scenario.comm_range is None else f"{scenario.comm_range:g}"
+                about = [table.name, row.name, row.planner, row.typed_options, scenario.agents]
+                about += [f"{max(scenario.budgets):g}", reach, f"{scenario.length_scale:g}"]
+                about += [f"{column:g}"] * (own != [])
                 precision = np.float64 if result.machine.get("precision") == "float64" else np.float32
                 for index, missions in result.missions(metrics):
                     yield [*about, *index, *(str(precision(value)).removesuffix(".0") for value in missions)]
 
-    return csv_text((*_ABOUT, *metrics), rows())
+    return csv_text((*_ABOUT, *own, "instance", "trial", *metrics), rows())

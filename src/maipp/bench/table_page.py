@@ -3,16 +3,14 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-from maipp.bench import page, paper
+from maipp.bench import page
 from maipp.bench.cells import CellResult
 from maipp.bench.evaluate import summarise
 from maipp.bench.page import METRICS
 from maipp.bench.paired import paired
-from maipp.bench.table_run import Line, Sample
-from maipp.bench.tables import Part, TableSpec
+from maipp.bench.table_run import Line
+from maipp.bench.tables import Part, Sample, TableSpec, best
 from maipp.markdown import markdown_table
-
-DEFAULT_SAMPLE, QUICK_SAMPLE = Sample(), Sample(trials=1)
 
 
 def table_page(
@@ -29,7 +27,7 @@ def table_page(
         blocks += _compared(table, part, there, reference)
         for metric in table.beside:
             cell = _mean(metric)
-            blocks += [f"{METRICS[metric]}, {_missions(part)}:", _by_budget(table, there, "row", _name, cell)]
+            blocks += [f"{METRICS[metric]}, {_missions(part)}:", _by_column(table, there, "row", _name, cell)]
     blocks.append(_notes(table, lines, sample))
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
@@ -43,7 +41,7 @@ def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: 
     """The short form: every row's number at every budget, how many missions they come from, and the command."""
     blocks = []
     for part, there in _parts(table, lines):
-        numbers = _by_budget(
+        numbers = _by_column(
             table, there, "planner", lambda line: _named(line, line.row.label, sample), _mean(table.metric)
         )
         blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", numbers]
@@ -56,13 +54,20 @@ def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: 
     return "\n\n".join(blocks) + "\n"
 
 
+def quick_sample(table: TableSpec) -> Sample:
+    """How many missions each cell has in a quick look."""
+    return table.sample._replace(trials=1)
+
+
 def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
     """The command that fills the table with these lines."""
-    quick = sample[:2] == QUICK_SAMPLE[:2]
+    quick = sample[:2] == quick_sample(table)[:2] != table.sample[:2]
     flags = {"quick": quick, **sample._asdict(), "planners": list(dict.fromkeys(line.row.name for line in lines))}
-    usual = {"quick": False, **(QUICK_SAMPLE if quick else DEFAULT_SAMPLE)._asdict(), "reference": table.reference}
+    usual = {"quick": False, **(quick_sample(table) if quick else table.sample)._asdict(), "reference": table.reference}
     usual["planners"] = [row.name for row in table.chosen(()) if row.quick or not quick]
-    return page.command(["maipp", "benchmark", table.name, "--out", out], flags | {"reference": reference}, usual)
+    return page.command(
+        ["maipp", "benchmark", table.typed or table.name, "--out", out], flags | {"reference": reference}, usual
+    )
 
 
 def _parts(table: TableSpec, lines: Sequence[Line]) -> Iterable[tuple[Part, list[Line]]]:
@@ -71,45 +76,49 @@ def _parts(table: TableSpec, lines: Sequence[Line]) -> Iterable[tuple[Part, list
     return ((part, there) for part, there in every if there)
 
 
-def _by_budget(
+def _by_column(
     table: TableSpec,
     lines: Iterable[Line],
     what: str,
     name: Callable[[Line], str],
     cell: Callable[[Line, float], str],
 ) -> str:
-    """A line for each row, and a column for each budget."""
-    rows = [[name(line), *(cell(line, budget) for budget in table.budgets)] for line in lines]
-    return markdown_table([what, *(f"B = {budget:g}" for budget in table.budgets)], rows)
+    """A line for each row, and its columns."""
+    rows = [[name(line), *(cell(line, column) for column in table.columns)] for line in lines]
+    return markdown_table([what, *map(table.heading, table.columns)], rows)
 
 
 def _mean(metric: str) -> Callable[[Line, float], str]:
     """What a cell has of a metric."""
-    return lambda line, budget: page.shown(line.results[budget].values[metric])
+    return lambda line, column: page.shown(line.results[column].values[metric])
 
 
 def _main(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
-    """The paper's number and ours, budget by budget."""
-    heading = ["row", "planner and options", "in the paper"]
-    for budget in table.budgets:
-        heading += [f"B = {budget:g}, paper", f"B = {budget:g}"]
+    """The paper's number and ours, column by column."""
+    beside = bool(lines[0].part.printed)  # there are numbers of the paper
+    heading = ["row", "planner and options", *["in the paper"] * beside]
+    for column in table.columns:
+        heading += [*[f"{table.heading(column)}, paper"] * beside, table.heading(column)]
     rows = []
     for line in lines:
         printed = line.part.printed.get(line.row.paper or "", {})
         label = "" if line.row.label == f"`{line.row.name}`" else line.row.label
-        row = [_name(line, sample), label, line.row.paper if printed and line.row.paper else ""]
-        for budget in table.budgets:
-            row.append(f"{printed[budget].mean:.2f} ({printed[budget].std:.2f})" if budget in printed else "")
-            values = line.results[budget].values[table.metric]
+        row = [_name(line, sample), label, *[line.row.paper if printed and line.row.paper else ""] * beside]
+        for column in table.columns:
+            if beside:
+                row.append(f"{printed[column].mean:.2f} ({printed[column].std:.2f})" if column in printed else "")
+            values = line.results[column].values[table.metric]
             std = summarise(values).std
             row.append(page.shown(values) + ("" if std is None else f" ({f'{std:#.2g}'.rstrip('.')})"))
         rows.append(row)
-    return markdown_table(heading, rows, left=3)
+    return markdown_table(heading, rows, left=2 + beside)
 
 
 def _half(table: TableSpec, lines: Sequence[Line]) -> str:
     """Which rows are as good as the paper's best one, and which leave at most half of that."""
-    best = [paper.best(lines[0].part.printed, budget) for budget in table.budgets]
+    if not lines[0].part.printed:
+        return ""
+    lowest = [best(lines[0].part.printed, column) for column in table.columns]
 
     def within(share: float) -> str:
         """The rows at or below this share of the paper's best in every cell."""
@@ -117,14 +126,14 @@ def _half(table: TableSpec, lines: Sequence[Line]) -> str:
             line.row.name
             for line in lines
             if all(
-                summarise(line.results[budget].values[table.metric]).mean <= share * least
-                for budget, least in zip(table.budgets, best, strict=True)
+                summarise(line.results[column].values[table.metric]).mean <= share * least
+                for column, least in zip(table.columns, lowest, strict=True)
             )
         ]
         return ", ".join(f"`{name}`" for name in good) or "none"
 
     return (
-        f"The paper's best: {', '.join(f'{least:.2f}' for least in best)}. At or below it at every budget: "
+        f"The paper's best: {', '.join(f'{least:.2f}' for least in lowest)}. At or below it at every budget: "
         f"{within(1.0)}. At or below half of it at every budget: {within(0.5)}."
     )
 
@@ -135,13 +144,13 @@ def _compared(table: TableSpec, part: Part, lines: Sequence[Line], reference: st
     if base is None or len(lines) < 2:
         return []
 
-    def cell(line: Line, budget: float) -> str:
-        test = paired(*(each.results[budget].values[table.metric] for each in (line, base)))
+    def cell(line: Line, column: float) -> str:
+        test = paired(*(each.results[column].values[table.metric] for each in (line, base)))
         sign = "" if test.mean < 0 else "+"
         return sign + page.mean_and_error(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
 
     title = f"{METRICS[table.metric]} minus that of `{reference}` on the same instances, {_missions(part)}:"
-    return [title, _by_budget(table, (line for line in lines if line is not base), "row", _name, cell)]
+    return [title, _by_column(table, (line for line in lines if line is not base), "row", _name, cell)]
 
 
 def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
@@ -150,8 +159,8 @@ def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
         f"Each number: {sample.instances} instances x {sample.trials} trial{'s' * (sample.trials > 1)}, "
         f"seed {sample.seed}; lower is better. "
         "Ours: mean ± standard error over instances (standard deviation over trials of the mean over instances). "
-        "Paper: mean (standard deviation over trials). "
-        "Differences: mean ± standard error over instances (p of Wilcoxon's signed-rank test, two-sided)."
+        + "Paper: mean (standard deviation over trials). " * any(line.part.printed for line in lines)
+        + "Differences: mean ± standard error over instances (p of Wilcoxon's signed-rank test, two-sided)."
     ]
     fewer = {line.row.name: trials for line in lines if (trials := _trials(line)) != sample.trials}
     words += [f"`{name}` has {trials} trial{'s' * (trials > 1)} only, to save time." for name, trials in fewer.items()]

@@ -3,48 +3,39 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from maipp.bench.cells import Cell, CellResult
+from maipp.bench.rows import Row
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
-from maipp.bench.table_rows import Row
-from maipp.bench.tables import Part, TableSpec
+from maipp.bench.tables import Part, Sample, TableSpec
 from maipp.errors import InputError
 
 # Cell, its number among those to compute, how many these are, and whether it is done: False when somebody begins it.
 Report = Callable[[Cell, int, int, bool], None]
 
 
-class Sample(NamedTuple):
-    """How many missions each cell has."""
-
-    instances: int = 30
-    trials: int = 10
-    seed: int = 0
-
-
 @dataclass(frozen=True)
 class Line:
-    """A row of one part of a table, with what its cells came to by budget."""
+    """A row of one part of a table, with what its cells came to by column."""
 
     row: Row
     part: Part
-    results: dict[float, CellResult]  # by budget; every budget of the table
+    results: dict[float, CellResult]  # by column; every column of the table
 
 
-def cell(table: TableSpec, part: Part, row: Row, budget: float, sample: Sample) -> Cell:
-    """The cell of a row at a budget."""
-    trials = min(sample.trials, row.most_trials or sample.trials)
-    scenario = part.scenario.replace(budget=budget)
-    return table.kind(row, scenario, sample.instances, trials, sample.seed, table.shape(part))
+def cell(table: TableSpec, part: Part, row: Row, column: float, sample: Sample) -> Cell:
+    """The cell of a row in a column."""
+    trials = min(sample.trials, row.trials or sample.trials)
+    scenario, shape = table.scenario(part, column), table.shape(part)
+    return Cell(row, scenario, sample.instances, trials, sample.seed, shape, table.worlds)
 
 
 def cells(table: TableSpec, rows: Sequence[Row], sample: Sample) -> Iterator[Cell]:
     """All cells of these rows, those that share a compilation next to each other."""
     for part in table.parts:
         for row in rows:
-            for budget in table.budgets:
-                yield cell(table, part, row, budget, sample)
+            for column in table.columns:
+                yield cell(table, part, row, column, sample)
 
 
 def share(every: Sequence[Cell], process: int, processes: int) -> list[Cell]:
@@ -90,8 +81,8 @@ def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
     lines = []
     for part in table.parts:
         for row in table.rows:
-            found = {b: cell(table, part, row, b, sample).load(folder) for b in table.budgets}
-            results = {budget: result for budget, result in found.items() if result is not None}
+            found = {column: cell(table, part, row, column, sample).load(folder) for column in table.columns}
+            results = {column: result for column, result in found.items() if result is not None}
             if len(results) == len(found):
                 lines.append(Line(row, part, results))
     return lines

@@ -12,9 +12,9 @@ from maipp.bench.cells import Cell
 from maipp.bench.evaluate import check_counts
 from maipp.bench.sweep.dealing import Where
 from maipp.bench.table_files import write_table
-from maipp.bench.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
-from maipp.bench.table_run import Sample, cells, fill, share
-from maipp.bench.tables import TABLES, TableSpec
+from maipp.bench.table_page import quick_sample
+from maipp.bench.table_run import cells, fill, share
+from maipp.bench.tables import TABLES, Sample, TableSpec, read_table
 from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
@@ -40,7 +40,7 @@ class TableFlags(SweepFlags):
     trials: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 10)")] = None
     """runs per world, each with fresh roadmaps and fresh randomness"""
 
-    seed: int = 0
+    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 0)")] = None
     """seed of the worlds"""
 
     planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
@@ -56,6 +56,22 @@ class TableFlags(SweepFlags):
     """processes in all"""
 
     table: ClassVar[str]
+
+    def spec(self) -> TableSpec:
+        """The table. Raises `InputError` for a file that is none."""
+        return TABLES[self.table]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableFile(TableFlags):
+    """A table of your own, from a YAML file (docs/benchmark.md)."""
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """the table: its rows, columns, worlds and trials"""
+
+    def spec(self) -> TableSpec:
+        """The table. Raises `InputError` for a file that is none."""
+        return read_table(self.file)
 
 
 @dataclass(frozen=True)
@@ -88,8 +104,8 @@ class Table4(TableFlags):
 
 def run(flags: TableFlags) -> int:
     """Fill the table and write its files; gives 130 when interrupted. Raises `InputError` for what is wrong."""
-    table = TABLES[flags.table]
-    sample = _sample(flags)
+    table = flags.spec()
+    sample = _sample(flags, table)
     rows = table.chosen(flags.planners)
     if flags.quick and not flags.planners:
         rows = tuple(row for row in rows if row.quick)
@@ -118,15 +134,15 @@ def run(flags: TableFlags) -> int:
     return 0
 
 
-def _sample(flags: TableFlags) -> Sample:
+def _sample(flags: TableFlags, table: TableSpec) -> Sample:
     """How many missions. Raises `InputError` where the flags contradict each other."""
     if flags.quick and (flags.instances, flags.trials) != (None, None):
         raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")
-    sample = QUICK_SAMPLE if flags.quick else DEFAULT_SAMPLE
-    given = {name: getattr(flags, name) for name in ("instances", "trials") if getattr(flags, name) is not None}
-    check_counts("--", **given)
-    check_seed(flags.seed, "--seed")
-    return sample._replace(**given, seed=flags.seed)
+    sample = quick_sample(table) if flags.quick else table.sample
+    given = {name: getattr(flags, name) for name in ("instances", "trials", "seed") if getattr(flags, name) is not None}
+    check_counts("--", **{name: value for name, value in given.items() if name != "seed"})
+    check_seed(sample.seed if flags.seed is None else flags.seed, "--seed")
+    return sample._replace(**given)
 
 
 def _fill(table: TableSpec, every: list[Cell], folder: Path, where: Where, notes: Console) -> int:

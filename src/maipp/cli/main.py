@@ -99,7 +99,9 @@ def _dispatch(arguments: list[str]) -> int:
         prepare_jax()
     import tyro
 
-    return module_of(name).run(tyro.cli(flags_of(name), prog=f"maipp {name}", args=rest))
+    module = module_of(name)
+    rest = module.arguments(rest) if hasattr(module, "arguments") else rest
+    return module.run(tyro.cli(flags_of(name), prog=f"maipp {name}", args=rest))
 
 
 def command_of(arguments: Sequence[str]) -> tuple[str, list[str]]:
