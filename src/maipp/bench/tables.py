@@ -129,6 +129,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     return spec
 
 
+_NUMBERS = ("budget", "comm_range")  # numbers whose default is none
 _METRICS = [each.name for each in dataclasses.fields(Metrics)]
 
 
@@ -168,7 +169,7 @@ def _scenario(value: Value, base: Scenario) -> Scenario:
 def _columns(value: Value) -> tuple[str, tuple[float, ...]]:
     """The key of the scenario that the columns vary, and its values."""
     given = value.mapping()
-    numbers = [each.name for each in fields_of(Scenario) if isinstance(each.default, float) or each.name == "budget"]
+    numbers = [each.name for each in fields_of(Scenario) if isinstance(each.default, float) or each.name in _NUMBERS]
     if len(given) != 1:
         value.unfit("one key with a list of numbers, such as budget: [2, 3]")
     (name,) = given
