@@ -206,7 +206,7 @@ def test_the_death_of_a_machine_costs_what_it_was_at(cluster, tmp_path):
 
 
 @pytest.mark.slow
-def test_nobody_there_and_no_workers_are_told(tmp_path, capsys, monkeypatch):
+def test_nobody_there_no_workers_and_the_end_of_a_scheduler_are_told(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("maipp.devices._configured", True)
     monkeypatch.setattr("maipp.bench.sweep.cluster._CONNECT", 1.0)
     table = ["benchmark", "table1", "--planners", "random", "--out", str(tmp_path / "run"), "--patience", "1"]
@@ -221,6 +221,18 @@ def test_nobody_there_and_no_workers_are_told(tmp_path, capsys, monkeypatch):
         assert captured == (
             f"error: --cluster: no worker at {address} for 1 s; start some with: maipp worker ADDRESS\n"
         )
+        assert main(["scheduler", address]) == 2
+        captured = capsys.readouterr().err
+        assert captured.startswith(f"error: ADDRESS: {address}: cannot listen there: ") and captured.count("\n") == 1
+        working = workers(address)
+        (tmp_path / HOLD).touch()
+        running = client(address, tmp_path, 2)
+        until(lambda: begun(tmp_path, 1))
+        end(process)
+        assert f"the scheduler at {address} does not answer any more" in running.communicate(timeout=LIMIT)[1]
+        (tmp_path / HOLD).unlink()
+        assert "has ended, and so have its workers" in working.communicate(timeout=LIMIT)[1]
+        assert working.returncode == 0
     finally:
         end(process)
 

@@ -68,8 +68,7 @@ class Cluster:
     def give(self, seat: Hashable, number: int, job: Job) -> None:
         """Have a worker do a job; another does it if that one dies."""
         where: dict[str, Any] = {"workers": [seat], "allow_other_workers": True}
-        future = self._client.submit(answer, asked(job), key=f"maipp-{job.key}", pure=False, **where)
-        self._at[future] = str(seat), number, job
+        self._at[self._submit(answer, asked(job), key=f"maipp-{job.key}", **where)] = str(seat), number, job
 
     def wait(self) -> Iterable[tuple[int, Any]]:
         """What jobs came to within a while. Raises `InputError` where there has been nobody to do them for too long."""
@@ -127,8 +126,8 @@ class Cluster:
             self._there = self._workers()
             for seat in self._there - self._useful - self._introduced.keys() - self._refused.keys():
                 # The key is new: what a worker computes with may change while its address stays.
-                where: dict[str, Any] = {"workers": [seat], "key": f"maipp-introduction-{uuid4()}", "pure": False}
-                self._introduced[seat] = self._client.submit(introduction, **where, priority=100)
+                key = f"maipp-introduction-{uuid4()}"
+                self._introduced[seat] = self._submit(introduction, workers=[seat], key=key, priority=100)
         for seat, future in [*self._introduced.items()]:
             if seat not in self._there:
                 del self._introduced[seat]
@@ -140,6 +139,21 @@ class Cluster:
         elif now - self._idle_since > self._patience:
             why = next((f"; {reason}" for reason in self._refused.values()), "; start some with: maipp worker ADDRESS")
             raise InputError(f"--cluster: no worker at {self._name} for {self._patience:g} s{why}")
+
+    def _submit(self, *inputs: Any, **named: Any) -> Any:
+        """The future of a call. Raises `InputError` where there is no scheduler any more."""
+        from distributed.client import ClosedClientError
+
+        try:
+            return self._client.submit(*inputs, pure=False, **named)
+        except ClosedClientError as error:
+            raise self._gone(error) from None
+
+    def _gone(self, error: Exception) -> InputError:
+        return InputError(
+            f"--cluster: the scheduler at {self._name} does not answer any more ({first_line(error)}); start it again, "
+            "and the same command goes on"
+        )
 
     def _meet(self, seat: str, future: Any) -> None:
         """Take a worker on, or refuse it for what it said."""
@@ -167,10 +181,7 @@ class Cluster:
             return {str(seat) for seat in info["workers"]}
         except (OSError, TimeoutError) as error:
             if now - self._heard > self._patience or self._client.status == "closed":
-                raise InputError(
-                    f"--cluster: the scheduler at {self._name} does not answer any more ({first_line(error)}); start "
-                    "it again, and the same command goes on"
-                ) from None
+                raise self._gone(error) from None
             return self._there
 
 

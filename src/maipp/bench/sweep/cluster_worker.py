@@ -68,7 +68,11 @@ async def _work(
             for i, core in enumerate(cores)
         ]
         try:
-            await asyncio.gather(*nannies)
+            try:
+                await asyncio.gather(*nannies)
+            except (OSError, TimeoutError, RuntimeError) as error:
+                cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
+                raise InputError(f"ADDRESS: no worker for {address} can be started: {first_line(cause)}") from None
             told(f"{len(nannies)} workers for {address}")
             await asyncio.gather(*(nanny.finished() for nanny in nannies))
             told(f"the scheduler at {address} has ended, and so have its workers")
@@ -116,5 +120,6 @@ async def _schedule(address: Address, protection: Any, told: Callable[[str], Non
             ) as scheduler:
                 told(f"scheduler at {scheduler.address}; workers: maipp worker {scheduler.address}")
                 await scheduler.finished()
-        except OSError as error:
-            raise InputError(f"ADDRESS: {address}: cannot listen there: {first_line(error)}") from None
+        except (OSError, RuntimeError) as error:
+            cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
+            raise InputError(f"ADDRESS: {address}: cannot listen there: {first_line(cause)}") from None
