@@ -20,9 +20,10 @@ import pytest
 import tyro
 
 import maipp
-from maipp.benchmarks.tables import TABLES
+from maipp.bench.tables import TABLES, read_table
+from maipp.cli import benchmark
 from maipp.cli.benchmark import Benchmark
-from maipp.cli.benchmark_table import TableFlags
+from maipp.cli.benchmark_table import TableFile, TableFlags
 from maipp.cli.evaluate import Evaluate, _rows
 from maipp.cli.main import COMMANDS, command_of, flags_of
 from maipp.cli.plan import Plan
@@ -123,18 +124,23 @@ def test_python_runs(page, tmp_path, monkeypatch, as_in_a_fresh_process, capsys)
         assert left not in capsys.readouterr().out
 
 
+def _launched(piece: list[str]) -> list[str]:
+    """What `srun` launches: all after its own options."""
+    return piece[next(at for at, word in enumerate(piece[1:], 1) if not word.startswith("-")) :]
+
+
 def commands_of(text: str) -> list[list[str]]:
     """The words of every command of a shell block, without comments, redirections and SLURM's launcher."""
     found = []
     for line in text.replace("\\\n", " ").splitlines():
-        words = [word if word not in ("|", "&&", ";") else None for word in shlex.split(line, comments=True)]
+        words = [word if word not in ("|", "&&", ";", "&") else None for word in shlex.split(line, comments=True)]
         while words:
             end = words.index(None) if None in words else len(words)
             piece = [word for word in words[:end] if word is not None]
             words = words[end + 1 :]
             redirected = (at for at, word in enumerate(piece) if word[:1] in ("<", ">"))
             piece = piece[: next(redirected, len(piece))]
-            found.append(piece[1:] if piece[0] == "srun" else piece)
+            found.append(_launched(piece) if piece[0] == "srun" else piece)
     return found
 
 
@@ -145,6 +151,7 @@ def understood(arguments: list[str]) -> None:
     """Fails where the command line would refuse these arguments of `maipp` before any work begins."""
     command, rest = command_of(arguments)
     assert command in COMMANDS, f"no command {command}"
+    rest = benchmark.arguments(rest) if command == "benchmark" else rest
     flags = tyro.cli(flags_of(command), args=rest)
     if isinstance(flags, Plan):
         make_planner(flags.planner, flags.to_scenario(), flags.planner_options())
@@ -157,6 +164,8 @@ def understood(arguments: list[str]) -> None:
         options = [item for group in flags.settings for item in group]
         if not any(item.startswith("weights=runs/") for item in options):
             assert flags.merge or _rows(flags)
+    elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFile):
+        assert flags.name.file.suffix == ".yaml"
     elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFlags):
         assert TABLES[flags.name.table].chosen(flags.name.planners)
 
@@ -179,7 +188,7 @@ def test_commands_are_understood(where, words, monkeypatch, as_in_a_fresh_proces
         project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         assert set(extras.split(",")) <= set(project["optional-dependencies"])
     else:
-        assert program in ("cat", "cd", "echo", "mkdir", "head", "tail"), f"{where}: nothing checks {program}"
+        assert program in ("cat", "cd", "echo", "mkdir", "head", "tail", "export"), f"{where}: nothing checks {program}"
 
 
 @pytest.mark.parametrize("block", of("ini"), ids=name)
@@ -218,6 +227,10 @@ def test_yaml_is_read(block, tmp_path, monkeypatch):
             (tmp_path / file).write_text(STAND_IN[Path(file).suffix], encoding="utf-8")
         module = importlib.import_module("maipp.surveys.survey_io")
         module.parse_survey(block.text, source=block.page, folder=tmp_path)
+    elif "columns" in keys:
+        path = tmp_path / "table.yaml"
+        path.write_text(block.text, encoding="utf-8")
+        assert len(read_table(path).rows) > 1
     elif set(keys) <= set(maipp.Scenario.__dataclass_fields__):
         path = tmp_path / "survey.yaml"
         path.write_text(block.text, encoding="utf-8")

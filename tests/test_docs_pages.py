@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from maipp.benchmarks.evaluate import message_bytes
+from maipp.bench.evaluate import message_bytes
 from maipp.engine import State
 from maipp.markdown import typed
 from maipp.planners import make_planner, planner_class, planner_names, planner_options

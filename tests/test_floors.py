@@ -23,7 +23,7 @@ FLOORS = (
     ("policy", "viz", "missions", "adapters"),
     ("planners",),
     ("training",),
-    ("benchmarks", "surveys", "live", "results", "fleet"),
+    ("bench", "surveys", "live", "results", "fleet"),
     ("cli", "__main__"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
@@ -155,7 +155,7 @@ def undeclared(package: Path, core: set[str], extras: set[str]) -> list[str]:
             continue
         if top not in extras:
             found.append(
-                f"{i.where}: {top} is neither a dependency nor in the extras geo, gis, rl, fleet, mavlink, train"
+                f"{i.where}: {top} is no dependency, nor in the extras geo, gis, rl, fleet, mavlink, cluster, train"
             )
         elif i.at_import_time and (room(i.importer) != "adapters" or i.importer.count(".") == 1):
             found.append(f"{i.where}: {top} is an extra: import it in the function that needs it")
@@ -194,7 +194,7 @@ def test_a_plain_installation_is_enough_to_import():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [
         line
-        for extra in ("geo", "gis", "rl", "fleet", "mavlink", "train")
+        for extra in ("geo", "gis", "rl", "fleet", "mavlink", "cluster", "train")
         for line in project["optional-dependencies"][extra]
     ]
     assert undeclared(PACKAGE, import_names(project["dependencies"]), import_names(extras)) == []

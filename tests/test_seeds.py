@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from maipp.benchmarks.evaluate import evaluate
+from maipp.bench.evaluate import evaluate
 from maipp.cli.main import main
 from maipp.engine import draw_missions
 from maipp.engine.episode_io import read_episode

@@ -8,8 +8,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from maipp.benchmarks.comparison import compare
-    from maipp.benchmarks.evaluate import evaluate
+    from maipp.bench.comparison import compare
+    from maipp.bench.evaluate import evaluate
     from maipp.devices import use_all_cores
     from maipp.engine.mission import draw_missions
     from maipp.engine.rollout import run_missions
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 _MODULES = {
     "LiveSurvey": "maipp.live.survey",
     "Scenario": "maipp.scenario",
-    "compare": "maipp.benchmarks.comparison",
+    "compare": "maipp.bench.comparison",
     "draw_missions": "maipp.engine.mission",
-    "evaluate": "maipp.benchmarks.evaluate",
+    "evaluate": "maipp.bench.evaluate",
     "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
     "make_planner": "maipp.planners.registry",

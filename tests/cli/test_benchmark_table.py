@@ -2,8 +2,8 @@
 
 import pytest
 
-from maipp.benchmarks import cells as cells_module
-from maipp.benchmarks import tables
+from maipp.bench import cells as cells_module
+from maipp.bench import tables
 from maipp.cli.main import main
 
 HERE = ["--workers", "0"]  # in this process, where tests can reach in
@@ -62,6 +62,25 @@ def test_processes_write_cells_and_a_last_run_merges_them(whole, tmp_path):
     merged, one = written(folder), written(whole)
     assert merged["table4.csv.gz"] == one["table4.csv.gz"] and merged["table4.png"] == one["table4.png"]
     assert settled(merged["table4.md"]) == settled(one["table4.md"])
+
+
+def test_a_file_is_a_table(tmp_path, capsys):
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "scenario: {agents: 2, grid: 8, nodes: 12, neighbours: 4, measurement_interval: 1}\n"
+        "columns: {budget: [2, 3]}\nrows: [greedy, random]\ninstances: 2\ntrials: 2\n",
+        encoding="utf-8",
+    )
+    assert main(["benchmark", str(own), "--out", str(tmp_path / "run"), *HERE]) == 0
+    page = (tmp_path / "run" / "own.md").read_text(encoding="utf-8")
+    assert f"maipp benchmark {own} --out run\n" in page and "the paper" not in page.lower()
+    assert "| row | planner and options | B = 2 | B = 3 |" in page and "minus that of `greedy`" in page
+    capsys.readouterr()
+    assert main(["benchmark", str(own.with_name("none.yaml")), "--out", str(tmp_path / "run")]) == 2
+    assert (
+        capsys.readouterr().err
+        == f"error: {own.with_name('none.yaml')}: cannot read the table: No such file or directory\n"
+    )
 
 
 def test_an_interrupt_is_told_and_gone_on_from(tmp_path, capsys, monkeypatch):

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from maipp.benchmarks.evaluate import evaluate
+from maipp.bench.evaluate import evaluate
 from maipp.engine import draw_missions, run_missions
 from maipp.engine import score as scores
 from maipp.errors import InputError

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from maipp.benchmarks.machine import machine, versions
-from maipp.benchmarks.page import made_on
+from maipp.bench.machine import machine, versions
+from maipp.bench.page import made_on
 from maipp.devices import missions_devices, use_all_cores
 from maipp.errors import InputError
 from maipp.markdown import markdown_table

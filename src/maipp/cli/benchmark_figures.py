@@ -6,9 +6,9 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.evaluate import check_counts
-from maipp.benchmarks.figure_files import Plan, write_figures
-from maipp.benchmarks.tables import TABLES
+from maipp.bench.evaluate import check_counts
+from maipp.bench.figure_files import Plan, write_figures
+from maipp.bench.tables import TABLES
 from maipp.cli.notes import notes_console
 from maipp.errors import InputError
 from maipp.scenario import Scenario

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.evaluate import check_counts
-from maipp.benchmarks.latency_run import LatencyPlan, write_latency
-from maipp.benchmarks.tables import TABLES
+from maipp.bench.evaluate import check_counts
+from maipp.bench.latency_run import LatencyPlan, write_latency
+from maipp.bench.tables import TABLES
 from maipp.cli.notes import notes_console
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from maipp.benchmarks.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
-from maipp.benchmarks.output import make_folder
-from maipp.benchmarks.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
-from maipp.benchmarks.scaling_report import add_missing, read_json, write_json, write_report
+from maipp.bench.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
+from maipp.bench.output import make_folder
+from maipp.bench.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
+from maipp.bench.scaling_report import add_missing, read_json, write_json, write_report
 from maipp.cli.notes import notes_console
 from maipp.errors import InputError
 from maipp.planners import planner_options

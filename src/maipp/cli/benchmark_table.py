@@ -8,14 +8,15 @@ from typing import Annotated, ClassVar
 import tyro
 from rich.console import Console
 
-from maipp.benchmarks.cells import Cell
-from maipp.benchmarks.evaluate import check_counts
-from maipp.benchmarks.table_files import write_table
-from maipp.benchmarks.table_page import DEFAULT_SAMPLE, QUICK_SAMPLE
-from maipp.benchmarks.table_run import Sample, cells, fill, share
-from maipp.benchmarks.table_workers import default_workers
-from maipp.benchmarks.tables import TABLES, TableSpec
+from maipp.bench.cells import Cell
+from maipp.bench.evaluate import check_counts
+from maipp.bench.sweep.dealing import Where
+from maipp.bench.table_files import write_table
+from maipp.bench.table_page import quick_sample
+from maipp.bench.table_run import cells, fill, share
+from maipp.bench.tables import TABLES, Sample, TableSpec, read_table
 from maipp.cli.notes import counting_bar, notes_console
+from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.records import unknown
 from maipp.seeds import check_seed
@@ -24,7 +25,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class TableFlags:
+class TableFlags(SweepFlags):
     """Fill a table, or go on filling it; the same command again computes only what is missing."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -39,7 +40,7 @@ class TableFlags:
     trials: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 10)")] = None
     """runs per world, each with fresh roadmaps and fresh randomness"""
 
-    seed: int = 0
+    seed: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 0)")] = None
     """seed of the worlds"""
 
     planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
@@ -54,11 +55,23 @@ class TableFlags:
     processes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
     """processes in all"""
 
-    workers: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """processes on this machine, a core each, 0 for this one alone on all devices; left out: one per core, fewer where
-    memory is short, and 0 where there is an accelerator"""
-
     table: ClassVar[str]
+
+    def spec(self) -> TableSpec:
+        """The table. Raises `InputError` for a file that is none."""
+        return TABLES[self.table]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableFile(TableFlags):
+    """A table of your own, from a YAML file (docs/benchmark.md)."""
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """the table: its rows, columns, worlds and trials"""
+
+    def spec(self) -> TableSpec:
+        """The table. Raises `InputError` for a file that is none."""
+        return read_table(self.file)
 
 
 @dataclass(frozen=True)
@@ -91,8 +104,8 @@ class Table4(TableFlags):
 
 def run(flags: TableFlags) -> int:
     """Fill the table and write its files; gives 130 when interrupted. Raises `InputError` for what is wrong."""
-    table = TABLES[flags.table]
-    sample = _sample(flags)
+    table = flags.spec()
+    sample = _sample(flags, table)
     rows = table.chosen(flags.planners)
     if flags.quick and not flags.planners:
         rows = tuple(row for row in rows if row.quick)
@@ -104,13 +117,11 @@ def run(flags: TableFlags) -> int:
         raise InputError("--process-id and --processes: only one is given; give both, or neither")
     if flags.processes is not None and flags.process_id is not None:
         every = share(every, flags.process_id, flags.processes)
-    if flags.workers is not None and flags.workers < 0:
-        raise InputError(f"--workers: {flags.workers} is negative; give a whole number >= 0")
-    workers = default_workers() if flags.workers is None else flags.workers
+    where = flags.where()
     notes = notes_console()
     begun = time.monotonic()
     try:
-        computed = _fill(table, every, flags.out, workers, notes)
+        computed = _fill(table, every, flags.out, where, notes)
     except KeyboardInterrupt:
         notes.print("interrupted; the same command goes on with the cells that are missing")
         return INTERRUPTED
@@ -123,33 +134,28 @@ def run(flags: TableFlags) -> int:
     return 0
 
 
-def _sample(flags: TableFlags) -> Sample:
+def _sample(flags: TableFlags, table: TableSpec) -> Sample:
     """How many missions. Raises `InputError` where the flags contradict each other."""
     if flags.quick and (flags.instances, flags.trials) != (None, None):
         raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")
-    sample = QUICK_SAMPLE if flags.quick else DEFAULT_SAMPLE
-    given = {name: getattr(flags, name) for name in ("instances", "trials") if getattr(flags, name) is not None}
-    check_counts("--", **given)
-    check_seed(flags.seed, "--seed")
-    return sample._replace(**given, seed=flags.seed)
+    sample = quick_sample(table) if flags.quick else table.sample
+    given = {name: getattr(flags, name) for name in ("instances", "trials", "seed") if getattr(flags, name) is not None}
+    check_counts("--", **{name: value for name, value in given.items() if name != "seed"})
+    check_seed(sample.seed if flags.seed is None else flags.seed, "--seed")
+    return sample._replace(**given)
 
 
-def _fill(table: TableSpec, every: list[Cell], folder: Path, workers: int, notes: Console) -> int:
+def _fill(table: TableSpec, every: list[Cell], folder: Path, where: Where, notes: Console) -> int:
     """Compute what is missing, with a bar, or a line for each cell where there is no terminal."""
     with counting_bar(notes, "cells") as bar:
         task = bar.add_task(table.name, total=None)
-        shares: dict[int, float] = {}  # of each cell begun, how much is done
+        begun: set[int] = set()
 
-        def report(cell: Cell, number: int, count: int, missions: int) -> None:
+        def report(cell: Cell, number: int, count: int, done: bool) -> None:
             """Show where the work is."""
-            if not notes.is_terminal and missions == 0:
-                notes.print(f"cell {len(shares) + 1} of {count}: {_words(cell)}")
-            shares[number] = missions / cell.missions
-            bar.update(task, total=count, completed=sum(shares.values()), description=_words(cell))
+            if not notes.is_terminal and number not in begun:
+                notes.print(f"cell {len(begun) + 1} of {count}: {cell.words}")
+            begun.add(number)
+            bar.update(task, total=count, advance=int(done), description=cell.words)
 
-        return fill(every, folder, report, workers=workers)
-
-
-def _words(cell: Cell) -> str:
-    reach = "" if cell.scenario.comm_range is None else f", range {cell.scenario.comm_range:g}"
-    return f"{cell.row.name}, budget {cell.budget:g}{reach}"
+        return fill(every, folder, report, where=where, note=lambda line: notes.print(line, markup=False))

@@ -10,9 +10,9 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from maipp.benchmarks.comparison import Comparison, compare
-from maipp.benchmarks.evaluate import Evaluation, check_counts, evaluate, fingerprint_of, save_evaluations, to_json
-from maipp.benchmarks.evaluation_file import find, merged, read_evaluations, what
+from maipp.bench.comparison import Comparison, compare
+from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of, save_evaluations, to_json
+from maipp.bench.evaluation_file import find, merged, read_evaluations, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console
 from maipp.cli.options import FieldFlags

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
-from maipp.benchmarks.comparison import Comparison, label
-from maipp.benchmarks.evaluate import Evaluation
-from maipp.benchmarks.page import three
+from maipp.bench.comparison import Comparison, label
+from maipp.bench.evaluate import Evaluation
+from maipp.bench.page import three
 from maipp.cli.stopped import stopped_warning
 from maipp.scenario import Scenario
 

@@ -7,10 +7,10 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
+from maipp.cli.compiled import keep_compiled
 from maipp.errors import InputError
 
 INPUT_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
@@ -31,6 +31,8 @@ COMMANDS = {
     "plan": Command("Plan", True, "plan one survey, and write its record and figures"),
     "evaluate": Command("Evaluate", True, "score planners on held-out missions"),
     "benchmark": Command("Benchmark", True, "regenerate the paper's tables and figures, and measure speed"),
+    "worker": Command("Worker", False, "work for a cluster with the cores of this machine"),
+    "scheduler": Command("Scheduler", False, "be the scheduler of a cluster"),
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
     "live": Command("Live", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
     "result": Command(
@@ -97,7 +99,9 @@ def _dispatch(arguments: list[str]) -> int:
         prepare_jax()
     import tyro
 
-    return module_of(name).run(tyro.cli(flags_of(name), prog=f"maipp {name}", args=rest))
+    module = module_of(name)
+    rest = module.arguments(rest) if hasattr(module, "arguments") else rest
+    return module.run(tyro.cli(flags_of(name), prog=f"maipp {name}", args=rest))
 
 
 def command_of(arguments: Sequence[str]) -> tuple[str, list[str]]:
@@ -128,24 +132,8 @@ def prepare_jax() -> None:
     """Make JAX use every core and keep compiled programs between runs; must run before JAX is used."""
     from maipp.devices import use_all_cores
 
-    folder = cache_folder()
-    # JAX reads both when it is imported; what the user has set for JAX itself wins.
-    if folder is not None:
-        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")  # quicker to compile than to read
+    keep_compiled()
     use_all_cores()
-
-
-def cache_folder() -> Path | None:
-    """Where compiled programs are kept: `MAIPP_CACHE` (None if it is empty), else below the user's cache folder."""
-    chosen = os.environ.get("MAIPP_CACHE")
-    if chosen is not None:
-        return Path(chosen) if chosen else None
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "maipp"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "maipp" / "Cache"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "maipp"
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from maipp.benchmarks.machine import machine, versions
+from maipp.bench.machine import machine, versions
 from maipp.policy.shipped import BEST
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import find_config, load_config, override

@@ -1,0 +1,157 @@
+"""One cell of a table: its missions run once, and kept in a file that says what made it."""
+
+import hashlib
+import json
+import time
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maipp.bench.evaluate import evaluate, refuse_values, scored
+from maipp.bench.fingerprint import code_digest, planner_fingerprint
+from maipp.bench.machine import machine, versions
+from maipp.bench.output import make_folder
+from maipp.bench.prior_worlds import prior_missions
+from maipp.bench.rows import Row
+from maipp.files import write_atomic
+from maipp.planners import make_planner, planner_options
+from maipp.problem import Shape
+from maipp.scenario import Scenario
+from maipp.typing import Float
+
+CELLS = "cells"  # folder of the files, below that of the run
+_FORMAT = "maipp-cell"
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """What a cell came to."""
+
+    values: Mapping[str, Float[np.ndarray, "instances trials"]]  # per metric; the fields of `Metrics`
+    wall_s: float
+    machine: Mapping[str, Any]
+    versions: Mapping[str, str]
+
+    def missions(self, metrics: Sequence[str]) -> Iterator[tuple[tuple[int, ...], list[Any]]]:
+        """Instance and trial of each mission, and what these metrics of it came to."""
+        columns = [self.values[metric] for metric in metrics]
+        return ((index, [column[index] for column in columns]) for index in np.ndindex(columns[0].shape))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The missions of one row at one budget."""
+
+    row: Row
+    scenario: Scenario
+    instances: int
+    trials: int
+    seed: int
+    shape: Shape  # that it is compiled for; whatever that is, the numbers are the same up to rounding
+    worlds: str = "mixture"  # of `maipp.bench.tables.WORLDS`
+
+    @property
+    def budget(self) -> float:
+        """Of each agent, domain units."""
+        return max(self.scenario.budgets)
+
+    @property
+    def kind(self) -> Hashable:
+        """Equal for cells that run the same compiled program."""
+        return self.row.name, self.shape
+
+    @property
+    def words(self) -> str:
+        """What it is, for a line about it."""
+        reach = "" if self.scenario.comm_range is None else f", range {self.scenario.comm_range:g}"
+        return f"{self.row.name}, budget {self.budget:g}{reach}"
+
+    @property
+    def made_by(self) -> Mapping[str, Any]:
+        """Everything that decides the numbers, as plain JSON. Raises `InputError` for bad options or weights."""
+        return self._made_by
+
+    @cached_property
+    def _made_by(self) -> dict[str, Any]:
+        planner = make_planner(self.row.planner, self.scenario, self.row.options)
+        made_by = {
+            "scenario": self.scenario.to_dict(),
+            "planner": self.row.planner,
+            "options": {option.name: getattr(planner, option.name) for option in planner_options(self.row.planner)},
+            "instances": self.instances,
+            "trials": self.trials,
+            "seed": self.seed,
+        }
+        if self.worlds == "prior":
+            made_by |= {"worlds": "prior", "draws": code_digest((prior_missions.__module__,))}
+        return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but `made_by`: whoever unpickles it works that out anew."""
+        return {name: value for name, value in self.__dict__.items() if name != "_made_by"}
+
+    @property
+    def key(self) -> str:
+        """Its name, with a digest of all that decides the numbers."""
+        digest = hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:12]
+        return f"{self.row.name}.B{self.budget:g}.{digest}"
+
+    @property
+    def file(self) -> str:
+        """Name of its file. What was made differently has another name, so a stale file is never read."""
+        return f"{self.key}.json"
+
+    def load(self, folder: Path) -> CellResult | None:
+        """What was computed before; None where there is no such file, or one that is damaged."""
+        try:
+            document = json.loads((folder / CELLS / self.file).read_text(encoding="utf-8"))
+            if document["format"] != _FORMAT or document["made_by"] != self.made_by:
+                return None
+            values = {metric: np.asarray(rows, np.float64) for metric, rows in document["values"].items()}
+            shape = (self.instances, self.trials)
+            if any(array.shape != shape or not np.isfinite(array).all() for array in values.values()):
+                return None
+            return CellResult(values, float(document["wall_s"]), document["machine"], document["versions"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def compute(self) -> CellResult:
+        """Run the missions."""
+        if self.worlds == "prior":
+            begun = time.perf_counter()
+            planner = make_planner(self.row.planner, self.scenario, self.row.options)
+            missions = prior_missions(self.scenario, planner, self.seed, self.instances, self.trials, self.shape)
+            values = scored(planner, missions, self.seed, self.trials)
+            return CellResult(values, time.perf_counter() - begun, machine(), versions())
+        result = evaluate(
+            self.scenario,
+            self.row.planner,
+            self.row.options,
+            instances=self.instances,
+            trials=self.trials,
+            seed=self.seed,
+            timing=False,
+            shape=self.shape,
+        )
+        return CellResult(result.values, result.wall_s, result.machine, result.versions)
+
+    def save(self, result: CellResult, folder: Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises `InputError` where it cannot be written, and for a value that is not a finite number.
+        """
+        refuse_values(result.values)
+        make_folder(folder / CELLS)
+        document = {
+            "format": _FORMAT,
+            "made_by": self.made_by,
+            "wall_s": round(result.wall_s, 3),
+            "machine": dict(result.machine),
+            "versions": dict(result.versions),
+            "values": {metric: values.tolist() for metric, values in result.values.items()},
+        }
+        write_atomic(folder / CELLS / self.file, json.dumps(document, allow_nan=False) + "\n")

@@ -1,0 +1,114 @@
+"""The files of `maipp benchmark figures`: pictures, numbers, and what these say of the paper's claims."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from maipp.bench import page
+from maipp.bench.drawing import save_figure
+from maipp.bench.figure_drawings import draw_curves, draw_intents, draw_stability
+from maipp.bench.machine import machine, versions
+from maipp.bench.output import compressed, make_folder
+from maipp.bench.rows import Row
+from maipp.bench.sampled_paths import sampled_paths
+from maipp.bench.stability import KINDS, Stability, measure, stability_table, verdicts
+from maipp.bench.tables import TABLES
+from maipp.bench.trace_curves import curves_csv, trace_curve
+from maipp.engine import run_missions
+from maipp.engine.episode import Episode
+from maipp.files import write_atomic
+from maipp.scenario import Scenario
+from maipp.viz import save_overview
+
+SURVEY, INTENTS, CURVES, STABILITY = "survey.png", "intents.png", "curves.png", "stability.png"
+CURVES_CSV, PAGE = "curves.csv.gz", "figures.md"
+# The planner in Fig. 1, and the decision in Fig. 3: late enough that the agent has a belief, early enough that all
+# paths have budget left.
+_SURVEYED, _DECISION = "ti-star", 9
+
+Told = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to draw."""
+
+    scenario: Scenario = Scenario()
+    instances: int = 30
+    seed: int = 0
+    rows: tuple[Row, ...] = tuple(row for row in TABLES["table1"].chosen(()) if row.quick)  # of the curves
+
+
+def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list[Path]:
+    """Draw everything into the folder, made if need be; gives the paths. `told` hears what is being worked on.
+
+    Raises `InputError` where a file cannot be written.
+    """
+    begun = time.perf_counter()
+    make_folder(folder)
+    told("one survey")
+    save_overview(_survey(plan), folder / SURVEY)
+    told("one decision's intents")
+    sampled = sampled_paths(plan.scenario, paths=8, steps=5, decision=_DECISION, seed=plan.seed)
+    save_figure(draw_intents(sampled, plan.scenario.extent), folder / INTENTS)
+    curves = []
+    for row in plan.rows:
+        told(f"curve of {row.name}")
+        curves.append(trace_curve(row, plan.scenario, instances=plan.instances, seed=plan.seed))
+    words = _words(plan)
+    save_figure(draw_curves(curves, words), folder / CURVES)
+    write_atomic(folder / CURVES_CSV, compressed(curves_csv(curves)))
+    found = []
+    for kind, lengths in KINDS.items():
+        for length in lengths:
+            told(f"stability of {kind}, {length}")
+            found.append(measure(kind, length, plan.scenario, instances=plan.instances, seed=plan.seed))
+    save_figure(draw_stability(found, words), folder / STABILITY)
+    write_atomic(folder / PAGE, figures_page(plan, found, out=folder.name, seconds=time.perf_counter() - begun))
+    return [folder / name for name in (SURVEY, INTENTS, CURVES, CURVES_CSV, STABILITY, PAGE)]
+
+
+def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: float) -> str:
+    """The page: pictures, the table of stability, the paper's claims, and the command."""
+    blocks = [
+        f"![One survey]({SURVEY})",
+        f"*One survey by `{_SURVEYED}` (the four maps of the paper's Fig. 1).*",
+        f"![Intents]({INTENTS})",
+        "*Both Gaussians fitted to the same sampled paths (the paper's Fig. 3); star: the agent, squares: ends.*",
+        f"![Tr(P) over distance]({CURVES})",
+        f"*Mean Tr(P) on the way, {_words(plan)}; bands: standard error over instances. Numbers: "
+        f"[{CURVES_CSV}]({CURVES_CSV}).*",
+        f"![Stability of intents]({STABILITY})",
+        f"Symmetric KL divergence between successive intents of one agent, in nats, and final Tr(P); {_words(plan)}, "
+        "mean ± standard error over instances. For SGA+RRT it is that of Gaussians fitted to the announced "
+        "measurements. KL is heavy-tailed (an intent that jumps has a large one), so its median over all pairs is "
+        "there too.",
+        stability_table(found),
+        "The paper's claims, each confirmed or denied only where all the differences that it rests on are beyond "
+        "chance (Wilcoxon's signed-rank test on the same instances, two-sided, 0.05):",
+        verdicts(found),
+        page.code(page.command(["maipp", "benchmark", "figures", "--out", out], _flags(plan), _flags(Plan()))),
+        f"Made on {page.made_on((machine(), versions()))}.",
+        page.wall_time(seconds, "the figures"),
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _flags(plan: Plan) -> dict[str, Any]:
+    names = [row.name for row in plan.rows]
+    return {"instances": plan.instances, "seed": plan.seed, "budget": plan.scenario.budget, "planners": names}
+
+
+def _words(plan: Plan) -> str:
+    scenario = plan.scenario
+    return f"{scenario.agents} agents, budget {scenario.budget:g}, {plan.instances} instances, seed {plan.seed}"
+
+
+def _survey(plan: Plan) -> Episode:
+    planner, missions = Row(_SURVEYED, _SURVEYED).drawn(plan.scenario, instances=1, seed=plan.seed)
+    states = run_missions(planner, missions, jax.random.key(plan.seed))
+    return Episode.from_state(plan.scenario, _SURVEYED, {}, plan.seed, missions, states)

@@ -1,0 +1,215 @@
+"""Tables as data: which rows, on which missions, beside which printed numbers. The paper's are files like any other."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from maipp.bench.rows import PAPER, Row, check_row, read_row
+from maipp.engine.score import Metrics
+from maipp.errors import InputError
+from maipp.files import read_text
+from maipp.planners.options import unknown
+from maipp.problem import Shape, shape_of
+from maipp.records import Value, fields_of, nearest, read_yaml
+from maipp.scenario import Scenario
+
+WORLDS = ("mixture", "prior")  # ground truths: the paper's mixtures, or draws of the scenario's own prior
+
+_KEYS = (
+    *("title", "scenario", "columns", "rows", "parts", "printed", "left_out"),
+    *("metric", "beside", "reference", "instances", "trials", "seed", "worlds"),
+)
+
+
+class Printed(NamedTuple):
+    """One cell of a table of the paper."""
+
+    mean: float
+    std: float
+
+
+Block = Mapping[str, Mapping[float, Printed]]  # by the paper's name of the method and the column
+
+
+class Sample(NamedTuple):
+    """How many missions each cell has."""
+
+    instances: int = 30
+    trials: int = 10
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Part:
+    """The missions of a table that differ in their column only, and what the paper prints for them."""
+
+    scenario: Scenario
+    printed: Block
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """One table."""
+
+    name: str
+    title: str
+    rows: tuple[Row, ...]
+    parts: tuple[Part, ...]
+    columns: tuple[float, ...]  # values of the scenario's key that changes from column to column
+    column: str = "budget"  # that key
+    metric: str = "trace"  # that the paper prints, a field of `Metrics`
+    beside: tuple[str, ...] = ("true_trace", "rmse")  # further ones that are tabulated
+    reference: str = "ti-5-star"  # the row that the others are paired with
+    left_out: Mapping[str, str] = field(default_factory=dict)  # rows of other tables that this one lacks, and why
+    worlds: str = "mixture"  # one of `WORLDS`
+    sample: Sample = Sample()
+    typed: str = ""  # what one types for it after `maipp benchmark`; empty: its name
+
+    def scenario(self, part: Part, column: float) -> Scenario:
+        """The missions of a part in a column."""
+        return part.scenario.replace(**{self.column: column})
+
+    def shape(self, part: Part) -> Shape:
+        """That all cells over areas like the part's fit: each row is compiled once for them."""
+        like = [other for other in self.parts if other.scenario.extent == part.scenario.extent]
+        return shape_of([self.scenario(other, column) for other in like for column in self.columns])
+
+    def heading(self, column: float) -> str:
+        """The heading of a column."""
+        return f"{'B' if self.column == 'budget' else self.column} = {column:g}"
+
+    def chosen(self, names: Sequence[str]) -> tuple[Row, ...]:
+        """The rows of these names or, where no row has the name, of the planner of that name.
+
+        For no names all rows but those computed by name only. Raises `InputError` for a name that no row has.
+        """
+        for name in names:
+            if not any(name in (row.name, row.planner) for row in self.rows):
+                raise InputError(f"--planners: {unknown('row', name, [row.name for row in self.rows])}")
+        if not names:
+            return tuple(row for row in self.rows if not row.by_name)
+        planners = set(names) - {row.name for row in self.rows}
+        return tuple(row for row in self.rows if row.name in names or row.planner in planners)
+
+
+def best(block: Block, column: float) -> float:
+    """The lowest mean that the paper prints in this column."""
+    return min(line[column].mean for line in block.values())
+
+
+def read_table(path: Path, *, check: bool = True) -> TableSpec:
+    """The table in a YAML file (docs/benchmark.md). Raises `InputError` with the file, line and key of what is wrong.
+
+    Without a `check` its planners are not tried.
+    """
+    text = read_text(path, "table", "a YAML file such as docs/benchmark.md has")
+    root = read_yaml(text, str(path), empty="docs/benchmark.md has one to start from")
+    root.mapping(_KEYS)
+    base = _scenario(root["scenario"], Scenario()) if "scenario" in root else Scenario()
+    column, columns = _columns(root["columns"])
+    parts = _parts(root, base, columns)
+    rows = _rows(root, parts[0].scenario if check else None)
+    names = [row.name for row in rows]
+    given: dict[str, Any] = {"reference": names[0]}
+    for key, allowed in (("metric", _METRICS), ("reference", names), ("worlds", WORLDS)):
+        if key in root:
+            given[key] = _one_of(root[key], allowed)
+    if "beside" in root:
+        given["beside"] = tuple(_one_of(each, _METRICS) for each in root["beside"].items())
+    if "left_out" in root:
+        given["left_out"] = {name: root["left_out"][name].fit(str) for name in root["left_out"].mapping()}
+    title = root["title"].fit(str) if "title" in root else path.stem
+    sample = Sample(**{key: _whole(root[key], key != "seed") for key in Sample._fields if key in root})
+    spec = TableSpec(path.stem, title, rows, parts, columns, column, **given, sample=sample, typed=str(path))
+    for part in parts:
+        for value in columns:
+            root["columns"].make(spec.scenario, {"part": part, "column": value})
+    return spec
+
+
+_NUMBERS = ("budget", "comm_range")  # numbers whose default is none
+_METRICS = [each.name for each in dataclasses.fields(Metrics)]
+
+
+def _rows(root: Value, scenario: Scenario | None) -> tuple[Row, ...]:
+    """The rows of a table, their planners tried on a scenario if one is given."""
+    rows: list[Row] = []
+    for each in root["rows"].items(1, "a list of rows, one or more"):
+        row = read_row(each)
+        if any(row.name == other.name for other in rows):
+            each.wrong(f"there is a row {row.name!r} already; give it a name of its own")
+        if scenario is not None:
+            check_row(each, row, scenario)
+        rows.append(row)
+    return tuple(rows)
+
+
+def _one_of(value: Value, names: Sequence[str]) -> str:
+    name = value.fit(str)
+    if name not in names:
+        value.wrong(f"{name!r:.60}: {nearest(name, names)}")
+    return name
+
+
+def _whole(value: Value, positive: bool) -> int:
+    number = value.fit(int)
+    if number < positive:
+        value.unfit(f"a whole number >= {int(positive)}")
+    return number
+
+
+def _scenario(value: Value, base: Scenario) -> Scenario:
+    """The scenario with what the mapping changes."""
+    names = [each.name for each in fields_of(Scenario)]
+    return value.make(base.replace, value.mapping(names))
+
+
+def _columns(value: Value) -> tuple[str, tuple[float, ...]]:
+    """The key of the scenario that the columns vary, and its values."""
+    given = value.mapping()
+    numbers = [each.name for each in fields_of(Scenario) if isinstance(each.default, float) or each.name in _NUMBERS]
+    if len(given) != 1:
+        value.unfit("one key with a list of numbers, such as budget: [2, 3]")
+    (name,) = given
+    if name not in numbers:
+        value.at(str(name)).wrong(nearest(str(name), numbers))
+    columns = tuple(each.fit(float) for each in value[name].items(1, "a list of numbers, one or more"))
+    if len(set(columns)) < len(columns):
+        value[name].wrong("the same number twice")
+    return name, columns
+
+
+def _parts(root: Value, base: Scenario, columns: Sequence[float]) -> tuple[Part, ...]:
+    """The parts of a table; one where it names none."""
+    if "parts" not in root:
+        return (Part(base, _printed(root, columns)),)
+    if "printed" in root:
+        root["printed"].wrong("there are parts; give it in each of them")
+    parts = []
+    for each in root["parts"].items(1, "a list of parts, one or more"):
+        each.mapping(("scenario", "printed"))
+        scenario = _scenario(each["scenario"], base) if "scenario" in each else base
+        parts.append(Part(scenario, _printed(each, columns)))
+    return tuple(parts)
+
+
+def _printed(value: Value, columns: Sequence[float]) -> Block:
+    """What the paper prints, mean and standard deviation for each column."""
+    if "printed" not in value:
+        return {}
+    block = {}
+    for name in value["printed"].mapping():
+        pairs = value["printed"][name].items(count=len(columns))
+        numbers = [[number.fit(float) for number in pair.items(count=2)] for pair in pairs]
+        block[name] = {column: Printed(*pair) for column, pair in zip(columns, numbers, strict=True)}
+    return block
+
+
+def _paper(name: str) -> TableSpec:
+    """A table of the paper."""
+    return replace(read_table(PAPER / f"{name}.yaml", check=False), typed=name)
+
+
+TABLES = {name: _paper(name) for name in ("table1", "table2", "table3", "table4")}

@@ -1,1 +1,0 @@
-"""Evaluating planners: quality over held-out missions, and the time of a decision."""

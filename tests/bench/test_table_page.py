@@ -1,0 +1,111 @@
+"""The files of a table: golden Markdown, tidy CSV, a figure with every number."""
+
+import csv
+import dataclasses
+import gzip
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maipp.bench.cells import CellResult
+from maipp.bench.output import compressed
+from maipp.bench.table_figure import draw_table
+from maipp.bench.table_files import table_csv
+from maipp.bench.table_page import table_page
+from maipp.bench.table_run import Line
+from maipp.bench.tables import TABLES, Sample
+
+GOLDEN = Path(__file__).parent / "golden"
+SAMPLE = Sample(instances=4, trials=2, seed=1)
+MACHINE = {"cpu": "A processor", "cores": 2, "backend": "cpu", "devices": 2, "precision": "float32"}
+VERSIONS = {"maipp": "0.1.0", "jax": "0.10.2", "python": "3.11.7"}
+
+
+def result(seed: int, scale: float, trials: int) -> CellResult:
+    """Made-up values that any NumPy makes alike: no random generator."""
+    grid = np.arange(SAMPLE.instances * trials, dtype=np.float64).reshape(SAMPLE.instances, trials)
+    wave = 1 + 0.25 * np.cos(1.7 * grid + seed)
+    metrics = {"trace": 1.0, "own_trace": 1.25, "true_trace": 0.25, "rmse": 0.005, "distance": 2.0, "decisions": 4.0}
+    return CellResult({name: share * scale * wave for name, share in metrics.items()}, 30.0, MACHINE, VERSIONS)
+
+
+@pytest.fixture(scope="module")
+def table():
+    table = TABLES["table4"]
+    rows = tuple(row for row in table.rows if row.name in ("ti-5-star", "greedy", "receding-horizon-joint"))
+    return dataclasses.replace(table, rows=rows, parts=table.parts[::2])
+
+
+@pytest.fixture(scope="module")
+def lines(table):
+    scales = {"ti-5-star": 20.0, "greedy": 40.0, "receding-horizon-joint": 9.0}
+    return [
+        Line(
+            row,
+            part,
+            {b: result(i + int(b), scales[row.name] / b, min(2, row.trials or 2)) for b in table.columns},
+        )
+        for part in table.parts
+        for i, row in enumerate(table.rows)
+    ]
+
+
+def test_the_page_is_as_agreed(table, lines):
+    page = table_page(table, lines, SAMPLE, out="run", reference="ti-5-star", files=("table4.png", "table4.csv.gz"))
+    assert page == (GOLDEN / "table4.md").read_text(encoding="utf-8")
+
+
+def test_the_wall_time_is_on_a_line_of_its_own(table, lines):
+    def page(wall_s):
+        slow = [
+            dataclasses.replace(
+                line, results={b: dataclasses.replace(r, wall_s=wall_s) for b, r in line.results.items()}
+            )
+            for line in lines
+        ]
+        return table_page(table, slow, SAMPLE, out="run", reference="ti-5-star").splitlines()
+
+    differing = [a for a, b in zip(page(60.0), page(600.0), strict=True) if a != b]
+    assert len(differing) == 1 and differing[0].startswith("*Wall time times devices, which does not regenerate:")
+
+
+def test_every_mission_is_one_line_of_csv(table, lines):
+    text = table_csv(table, lines)
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert len(rows) == 2 * 3 * (8 + 8 + 4)  # parts, budgets; missions of the three rows, one of which has one trial
+    for line in lines:
+        for budget, found in line.results.items():
+            reach = "" if line.part.scenario.comm_range is None else str(line.part.scenario.comm_range)
+            mine = [r for r in rows if (r["row"], r["range"], float(r["budget"])) == (line.row.name, reach, budget)]
+            for metric, values in found.values.items():
+                for row in mine:
+                    exact = np.float32(values[int(row["instance"]), int(row["trial"])])
+                    assert np.float32(row[metric]) == exact
+    first = rows[0]
+    assert (first["table"], first["planner"], first["agents"], first["length_scale"]) == (
+        "table4",
+        "ti-star",
+        "3",
+        "0.45",
+    )
+    options = "paths=8 steps=5 rank=stationary share=samples distinct=false keep=false meet=false recall=false"
+    assert first["options"] == options
+
+
+def test_the_same_numbers_are_the_same_bytes(table, lines):
+    text = table_csv(table, lines)
+    assert compressed(text) == compressed(text) and gzip.decompress(compressed(text)).decode() == text
+    assert compressed(text)[4:8] == bytes(4)  # no time of writing
+
+
+def test_the_figure_shows_every_number(table, lines):
+    figure = draw_table(table, lines)
+    for axes, part in zip(figure.axes, table.parts, strict=True):
+        shown = {round(float(x), 6) for line in axes.lines for x in np.asarray(line.get_xdata(), float)}
+        for line in (line for line in lines if line.part is part):
+            for budget, found in line.results.items():
+                assert round(float(found.values["own_trace"].mean()), 6) in shown
+                if line.row.paper in part.printed:
+                    assert round(part.printed[line.row.paper][budget].mean, 6) in shown
