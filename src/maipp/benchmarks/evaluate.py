@@ -24,7 +24,8 @@ from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
-from maipp.planners import make_planner, planner_options
+from maipp.planners import make_planner
+from maipp.planners.options import values_of
 from maipp.problem import Shape, params_of, shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -144,7 +145,7 @@ def evaluate(
     return Evaluation(
         scenario=scenario,
         planner=planner_name,
-        options={option.name: getattr(planner, option.name) for option in planner_options(planner_name)},
+        options=values_of(planner),
         instances=instances,
         trials=trials,
         seed=seed,

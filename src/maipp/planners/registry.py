@@ -1,5 +1,6 @@
 """Planners by name: one line each, imported only when used."""
 
+import dataclasses
 import hashlib
 import importlib
 import importlib.util
@@ -118,15 +119,15 @@ def make_planner(
     kind = planner_class(name)
     where = f"planner {name}"
     values = read_options(kind, options or {}, find_planner(name).presets, where=where)
+    own = {field.name for field in dataclasses.fields(kind)}
     try:
-        inspect.signature(kind).bind(scenario, **values)
+        inspect.signature(kind).bind(scenario, **{key: value for key, value in values.items() if key in own})
     except TypeError as error:  # fields that are no options, without defaults
         raise InputError(f"{where}: {error}; give the field a default, or make it an option") from None
     try:
-        planner = kind(scenario, **values)
-        check = getattr(planner, "check", None)
-        if check is not None:
-            check()
+        planner = kind.of(scenario, **values)
+        for each in (*planner.parts, planner):
+            getattr(each, "check", bool)()
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return planner

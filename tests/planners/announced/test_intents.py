@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.belief import Matern32, condition
-from maipp.planners.intent_belief import intent_points, with_intents
+from maipp.planners.announced.intents import intent_points, with_intents
 from maipp.team import Intent
 
 AGENTS, MEASURED = 3, 4

@@ -8,23 +8,12 @@ from jax import lax
 
 from maipp.belief import Belief, extend
 from maipp.engine.decision import Observation
-from maipp.planners.announced import Announcement
-from maipp.planners.leg_planner import Ahead, LegPlanner
-from maipp.planners.plan_search import descend
+from maipp.planners.announced.announcement import TeamPlan
+from maipp.planners.search.optimiser import descend
+from maipp.planners.search.outlook import Ahead, Outlook
+from maipp.planners.search.plan_search import PlanSearch
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Key
-
-
-class TeamPlan(NamedTuple):
-    """What the others need in order to plan for the sender."""
-
-    legs: Announcement  # its own next measurements
-    remaining: Float[Array, ""]  # its budget when it arrives at the first of them, domain units
-
-
-def nothing_planned(nothing: Announcement) -> TeamPlan:
-    """The message of an agent that has not planned yet."""
-    return TeamPlan(nothing, jnp.zeros(()))
 
 
 class _Team(NamedTuple):
@@ -37,7 +26,7 @@ class _Team(NamedTuple):
 
 
 def plan_team(
-    planner: LegPlanner,
+    search: PlanSearch,
     sweeps: int,
     key: Key,
     observation: Observation,
@@ -49,52 +38,44 @@ def plan_team(
     Each agent's legs are optimised in turn given the others', `sweeps` times over, then all of them together by
     gradient. Agents that are not heard are left out.
     """
-    team, belief = _gather(planner, observation, last, ahead)
+    team, belief = _gather(search, observation, last, ahead)
     inside, known = observation.inside, observation.belief.variance
-    agents = planner.scenario.agents
-    value = planner.scenario.virtual_value
+    agents = search.scenario.agents
+    value = search.scenario.virtual_value
 
     def points(plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
-        return jax.vmap(planner.walked)(team.base, plans, team.steps)
+        return jax.vmap(search.walked)(team.base, plans, team.steps)
 
     def improve(i: Index, plans: Float[Array, "m h 2"]) -> Float[Array, "m h 2"]:
         agent = (observation.agent + i) % agents
         others = team.affordable & (jnp.arange(agents) != agent)[:, None]
         counted = extend(belief, points(plans).reshape(-1, 2), others.reshape(-1), virtual_value=value)
-        better = planner.plan_legs(
-            jax.random.fold_in(key, i),
-            counted,
-            inside,
-            team.base[agent],
-            plans[agent],
-            team.steps[agent],
-            team.affordable[agent],
-            known,
-        )
+        outlook = Outlook(team.base[agent], team.steps[agent], team.affordable[agent], counted, known, inside)
+        better = search.plan(jax.random.fold_in(key, i), outlook, plans[agent])
         return plans.at[agent].set(better.best)
 
     plans = lax.fori_loop(0, sweeps * agents, improve, team.plans)
-    index = planner.points_in_play(belief, inside)
+    index = search.objective.in_play(belief, inside, search.points)
     coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
 
     def after(
         belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "m h 2"]
     ) -> Float[Array, ""]:
         then = extend(belief, points(plans).reshape(-1, 2), team.affordable.reshape(-1), virtual_value=value)
-        return planner.expected(then.mean, then.variance, known, inside)
+        return search.objective.expected(then.mean, then.variance, known, inside)
 
     slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, plans))
-    refined = descend(slope, plans, planner.steps, planner.rate / 2)
+    refined = descend(slope, plans, search.steps, search.rate / 2)
     better = after(belief, inside, known, refined) < after(belief, inside, known, plans)
     return jnp.where(better, refined, plans)[observation.agent]
 
 
 def _gather(
-    planner: LegPlanner, observation: Observation, last: Float[Array, "h 2"], ahead: Ahead
+    search: PlanSearch, observation: Observation, last: Float[Array, "h 2"], ahead: Ahead
 ) -> tuple[_Team, Belief]:
     """The team as the due agent knows it, and its belief with the legs under way counted as measured."""
     plans: TeamPlan = observation.messages
-    agents, interval = planner.scenario.agents, planner.scenario.measurement_interval
+    agents, interval = search.scenario.agents, search.scenario.measurement_interval
     me = jnp.arange(agents) == observation.agent
     planned = jnp.isfinite(plans.legs.times[:, 0])
     travelling = (
@@ -103,16 +84,16 @@ def _gather(
         & (plans.legs.times[:, 0] > observation.time + DISTANCE_TOLERANCE / observation.speed)
     )
     belief = extend(
-        observation.belief, plans.legs.points[:, 0], travelling, virtual_value=planner.scenario.virtual_value
+        observation.belief, plans.legs.points[:, 0], travelling, virtual_value=search.scenario.virtual_value
     )
     base = jnp.where(travelling[:, None], plans.legs.points[:, 0], observation.positions)
     base = jnp.where(me[:, None], observation.position, base)
-    remaining = jnp.where(planned, plans.remaining, jnp.asarray(planner.scenario.budgets))
-    others_steps = jnp.full((agents, planner.legs), interval)
+    remaining = jnp.where(planned, plans.remaining, jnp.asarray(search.scenario.budgets))
+    others_steps = jnp.full((agents, search.legs), interval)
     within = jnp.cumsum(others_steps, axis=1) <= remaining[:, None] + DISTANCE_TOLERANCE
     # An agent continues along the legs it announced, as far as they go.
     announced = jnp.diff(plans.legs.points, axis=1) / interval
-    on = announced[:, -1:] if planner.legs > 1 else jnp.zeros((agents, 1, 2))
+    on = announced[:, -1:] if search.legs > 1 else jnp.zeros((agents, 1, 2))
     return _Team(
         base=base,
         steps=jnp.where(me[:, None], ahead.steps, others_steps),

@@ -15,8 +15,8 @@ from maipp.engine import Decision, Planner, draw_missions, reset
 from maipp.engine.advance import advance
 from maipp.engine.observe import knowledge, observe
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.policy_paths import Situation, path_measurements, sample_paths
-from maipp.planners.roadmap_step import edges
+from maipp.planners.paths.paths import Situation, path_measurements, sample_paths
+from maipp.planners.roadmap.edges import edges
 from maipp.roadmap import laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
 
@@ -60,12 +60,12 @@ def draw(scenario, seed, remaining=None):
 @eqx.filter_jit
 def sample(planner, situation, key, temperature=1.0, reencode=False, steps=STEPS):
     """Paths from any of the first steps that are allowed."""
-    insight = planner.look(situation, planner.policy.initial_memory())
+    insight = planner.sampler.look(situation, planner.sampler.policy.initial_memory())
     possible = insight.view.allowed
     choices = jax.random.categorical(key, jnp.where(possible | ~possible.any(), 0.0, -jnp.inf), shape=(COUNT,))
     paths = sample_paths(
         planner.scenario,
-        planner.policy,
+        planner.sampler.policy,
         insight.prepared,
         situation,
         choices,
@@ -81,7 +81,7 @@ def sample(planner, situation, key, temperature=1.0, reencode=False, steps=STEPS
 @pytest.mark.parametrize("last_leg", ["cut", "stop"])
 def test_paths_follow_allowed_edges_until_the_budget_ends(tiny, last_leg):
     scenario = SCENARIO.replace(last_leg=last_leg)
-    planner = IntentPlanner(scenario, network=tiny)
+    planner = IntentPlanner.of(scenario, network=tiny)
     wall = Polygon(WALL).buffer(-1e-5)
     stopped = went = distinct = 0
     for seed in range(12):
@@ -133,7 +133,7 @@ def measured_on_the_way(places, situation, interval):
 @pytest.mark.parametrize("reencode", [False, True])
 def test_a_virtual_step_sees_what_the_measurements_so_far_would_leave(curious, far_sighted, reencode):
     """A network that goes where the deviation is highest goes where conditioning for real says it is."""
-    planner = IntentPlanner(SCENARIO, network=far_sighted if reencode else curious)
+    planner = IntentPlanner.of(SCENARIO, network=far_sighted if reencode else curious)
     changed = 0
     for seed in range(10):
         situation, x = draw(SCENARIO, seed, remaining=1.1)
@@ -173,7 +173,7 @@ class Scripted(Planner):
 @pytest.mark.parametrize("last_leg", ["cut", "stop"])
 def test_paths_measure_where_the_engine_does(tiny, last_leg):
     scenario = Scenario(agents=1, budget=0.9, grid=8, nodes=24, neighbours=6, last_leg=last_leg)
-    planner = IntentPlanner(scenario, network=tiny)
+    planner = IntentPlanner.of(scenario, network=tiny)
     mission = jax.tree.map(lambda a: a[0], draw_missions(scenario, seed=3, instances=1, encodings=4))
     agent = jnp.int32(0)
 
@@ -190,7 +190,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
         first = Scripted(scenario, jnp.broadcast_to(roadmap.nodes[roadmap.neighbours[0, edge]], (STEPS, 2)))
         state = go(first, reset(first, mission))
         observation = eqx.filter_jit(observe)(mission, knowledge(mission, state, agent, heard))
-        situation = planner.situation(observation, observation.belief, jnp.zeros(scenario.nodes))
+        situation = planner.sampler.situation(observation, observation.belief, jnp.zeros(scenario.nodes))
         assert int(situation.here.node) == int(roadmap.neighbours[0, edge])
         paths, points, taken = sample(planner, situation, jax.random.key(edge))
         for nodes, length, spots, lives in zip(paths.nodes, paths.length, points, taken, strict=True):
@@ -203,7 +203,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
 
 
 def test_one_step_is_the_first_choice_alone(tiny):
-    planner = IntentPlanner(SCENARIO, network=tiny)
+    planner = IntentPlanner.of(SCENARIO, network=tiny)
     situation, _ = draw(SCENARIO, 1, remaining=1.0)
     paths = sample(planner, situation, KEY, steps=1)[0]
     assert bool(paths.taken.all()) and len(np.unique(paths.choices)) > 2
@@ -212,7 +212,7 @@ def test_one_step_is_the_first_choice_alone(tiny):
 
 
 def test_a_temperature_of_almost_zero_makes_all_paths_the_likeliest_one(tiny):
-    planner = IntentPlanner(SCENARIO, network=tiny)
+    planner = IntentPlanner.of(SCENARIO, network=tiny)
     situation, _ = draw(SCENARIO, 2, remaining=1.1)
     cold, warm = (np.asarray(sample(planner, situation, jax.random.key(4), t)[0].nodes) for t in (1e-6, 1.0))
 

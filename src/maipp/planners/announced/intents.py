@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.planners.told import count_told
+from maipp.planners.announced.told import count_told
 from maipp.team.intent import Intent, is_told
 from maipp.typing import Array, Bool, Float, Point
 

@@ -12,9 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from maipp.engine import draw_missions, reset
 from maipp.engine.observe import knowledge, observe
-from maipp.planners.edges_here import edges_here
 from maipp.planners.random_walk import RandomWalk
-from maipp.planners.roadmap_step import edges, roadmap_of
+from maipp.planners.roadmap.edges import edges, edges_here, roadmap_of
 from maipp.roadmap import nearest_node
 from maipp.scenario import Scenario
 

@@ -9,9 +9,8 @@ from maipp.engine import draw_missions, run_missions
 from maipp.engine.episode import Episode
 from maipp.engine.rollout import Events, run_recorded
 from maipp.planners import make_planner
-from maipp.planners.announced import Announcement
-from maipp.planners.team_plan import TeamPlan
-from maipp.planners.told_record import tells_plans, told_in, whole_message
+from maipp.planners.announced.announcement import Announcement, TeamPlan
+from maipp.planners.announced.record import tells_plans, told_in, whole_message
 from maipp.scenario import Scenario
 from maipp.team import Intent
 

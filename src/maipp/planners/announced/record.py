@@ -7,8 +7,7 @@ import numpy as np
 
 from maipp.engine.decision import Planner
 from maipp.engine.rollout import Events
-from maipp.planners.announced import Announcement
-from maipp.planners.team_plan import TeamPlan
+from maipp.planners.announced.announcement import Announcement, TeamPlan
 from maipp.team import Intent
 from maipp.team.told import Told
 

@@ -12,10 +12,10 @@ from jax import lax
 
 from maipp.belief import Belief
 from maipp.engine.polyline import along_paths
+from maipp.planners.announced.meeting import Rendezvous
 from maipp.planners.lookahead import predicted_variance
-from maipp.planners.policy_view import PolicyView, policy_view
-from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import edges
+from maipp.planners.paths.view import PolicyView, policy_view
+from maipp.planners.roadmap.edges import edges
 from maipp.policy import Memory, PolicyNetwork, Prepared
 from maipp.problem import ScenarioLike
 from maipp.roadmap import Edges, Roadmap

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32, condition, extend
-from maipp.planners.told import MOST_COUNTED, count_told
+from maipp.planners.announced.told import MOST_COUNTED, count_told
 
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 NEAR = jnp.asarray([0.2, 0.3])

@@ -1,15 +1,14 @@
-"""The edges that the due agent may take, and the way out of dead ends among no-go zones."""
+"""The edges that the due agent may take on its roadmap, and the way out of dead ends among no-go zones."""
 
 import jax.numpy as jnp
 from jax import lax
 
 from maipp.engine.decision import Observation
-from maipp.planners.rendezvous import Rendezvous
-from maipp.planners.roadmap_step import edges, roadmap_of
-from maipp.planners.roadmap_ways import lengths_from, lengths_to
+from maipp.planners.announced.meeting import Rendezvous, in_time
+from maipp.planners.roadmap.ways import lengths_from, lengths_to
 from maipp.problem import ScenarioLike
-from maipp.roadmap import Edges, nearest_node
-from maipp.typing import Array, Bool
+from maipp.roadmap import Edges, Roadmap, edges_from, nearest_node
+from maipp.typing import Array, Bool, Float, Index
 
 # All in measurement intervals. Nodes nearer than the first are passed over where there are others.
 _APART = 0.1
@@ -17,6 +16,28 @@ _APART = 0.1
 _MANY, _LAST, _AROUND = 3, 8, 0.95
 # A node farther than this from all measurements is unmeasured.
 _UNMEASURED = 1.25
+
+
+def roadmap_of(observation: Observation) -> Roadmap:
+    """The due agent's roadmap. Raises ValueError where the mission was drawn without roadmaps."""
+    if observation.roadmap is None:
+        raise ValueError("this planner moves on a roadmap: draw the missions with roadmaps=True")
+    return observation.roadmap
+
+
+def edges(
+    roadmap: Roadmap,
+    node: Index,
+    remaining: Float[Array, ""],
+    last_leg: str = "stop",
+    meeting: Rendezvous | None = None,
+) -> Edges:
+    """The edges that the budget allows, see `edges_from`; with a `meeting` only those that leave time for it."""
+    here = edges_from(roadmap, node, remaining, last_leg)
+    if meeting is None:
+        return here
+    start = jnp.asarray(roadmap.nodes)[node]
+    return here._replace(allowed=in_time(meeting, start, here.targets, here.allowed, remaining))
 
 
 def edges_here(scenario: ScenarioLike, observation: Observation, meeting: Rendezvous | None = None) -> Edges:

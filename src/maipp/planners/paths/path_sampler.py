@@ -1,21 +1,24 @@
-"""What every planner with a policy network shares: its weights, and what the network is shown."""
+"""The policy on a roadmap: what the network is shown, what it chooses, and the paths sampled from it."""
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
+from maipp.engine.decision import Observation
+from maipp.engine.options import option
 from maipp.errors import InputError
-from maipp.planners.edges_here import edges_here
+from maipp.planners.announced.meeting import appointment
 from maipp.planners.lookahead import predicted
-from maipp.planners.policy_paths import Paths, Situation, follow, path_measurements, sample_paths
-from maipp.planners.policy_view import PolicyView, policy_view
-from maipp.planners.rendezvous import appointment
-from maipp.planners.roadmap_step import roadmap_of
+from maipp.planners.paths.paths import Paths, Situation, follow, path_measurements, sample_paths
+from maipp.planners.paths.view import PolicyView, policy_view
+from maipp.planners.roadmap.edges import edges_here, roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
-from maipp.typing import Array, Float, Index, Int, Key, Vector
+from maipp.problem import Problem
+from maipp.scenario import Scenario
+from maipp.typing import Array, Bool, Float, Index, Int, Key, Vector
 
 
 class Insight(NamedTuple):
@@ -26,6 +29,11 @@ class Insight(NamedTuple):
     logits: Float[Array, " k"]
     value: Float[Array, ""]
     memory: Memory  # after the situation
+
+    @property
+    def stuck(self) -> Bool[Array, ""]:
+        """Whether there is no neighbour to go to."""
+        return ~self.view.allowed.any()
 
 
 class Choice(NamedTuple):
@@ -49,16 +57,14 @@ class Choice(NamedTuple):
         return log_probability(self.insight.logits, self.index)
 
 
-class PolicyPlanner(Planner):
-    """Base of the planners that ask a policy network."""
+class PathSampler(eqx.Module):
+    """A policy network, asked about a roadmap."""
 
+    scenario: Scenario | Problem
     weights: str = option("ti", meaning="shipped weights, a .safetensors file, or untrained")
     temperature: float = option(1.0, meaning="of the softmax that steps are sampled from")
     meet: bool = option(True, meaning="with limited communication: end where the others end")
     network: PolicyNetwork | None = None  # the network itself, from Python; None: as `weights` says
-
-    uses_roadmap = True
-    avoids_obstacles = True
 
     def __post_init__(self) -> None:
         if self.network is None:
@@ -85,22 +91,6 @@ class PolicyPlanner(Planner):
         """8: on 128 missions at B = 3 it took `sga-catnipp` 1.5 times as long with 32, `ti-star`, `di` 1.2 times."""
         return 8
 
-    def initial_memory(self) -> PyTree:
-        """The network's memory of the executed trajectory."""
-        return self.policy.initial_memory()
-
-    def counted(self, observation: Observation) -> Belief:
-        """The due agent's belief with what the others announced counted as measured."""
-        raise NotImplementedError
-
-    def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
-        """The decision, and what a trainer needs to know of it."""
-        raise NotImplementedError
-
-    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
-        """The next node, and what to tell the others."""
-        return self.act(key, observation, memory)[0]
-
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
         """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
         roadmap = roadmap_of(observation)
@@ -122,6 +112,13 @@ class PolicyPlanner(Planner):
         view = policy_view(self.scenario, situation.roadmap, situation.nodes, *where, situation.intent)
         prepared = self.policy.prepare(self.policy.encode(view.features, view.encoding))
         return Insight(view, prepared, *self.policy.decode(prepared, *view[2:], memory))
+
+    def choose(self, key: Key, insight: Insight, *, sampled: bool) -> Index:
+        """The neighbour that the policy goes to: its likeliest one, or one drawn."""
+        logits = jnp.where(insight.stuck, 0.0, insight.logits)
+        if sampled:
+            return jax.random.categorical(key, logits / self.temperature).astype(jnp.int32)
+        return jnp.argmax(logits).astype(jnp.int32)
 
     def sample(
         self,

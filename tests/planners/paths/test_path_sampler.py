@@ -9,7 +9,8 @@ import pytest
 from maipp.engine import draw_missions, reset
 from maipp.engine.observe import knowledge, observe
 from maipp.errors import InputError
-from maipp.planners.policy_planner import PolicyPlanner, log_probability
+from maipp.planners.paths.path_sampler import PathSampler, log_probability
+from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.policy import save_weights
 from maipp.scenario import Scenario
 from maipp.typing import Array
@@ -21,7 +22,7 @@ SCENARIO = Scenario(
 
 @pytest.fixture(scope="module")
 def planner(tiny):
-    return PolicyPlanner(SCENARIO, network=tiny)
+    return SgaCatnipp.of(SCENARIO, network=tiny)
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +47,8 @@ def observation(planner):
 
 @eqx.filter_jit
 def look(planner, observation, belief, intent):
-    situation = planner.situation(observation, belief, intent)
-    return situation, planner.look(situation, planner.initial_memory())
+    situation = planner.sampler.situation(observation, belief, intent)
+    return situation, planner.sampler.look(situation, planner.initial_memory())
 
 
 def test_the_network_is_shown_the_belief_the_budget_and_the_edges(planner, observation):
@@ -73,17 +74,17 @@ def test_the_network_is_shown_the_belief_the_budget_and_the_edges(planner, obser
 
 def test_another_network_sets_how_long_encodings_are(planner, tiny):
     assert planner.encoding_dimensions == tiny.encoding_dimensions == 4
-    assert PolicyPlanner(SCENARIO, weights="untrained").encoding_dimensions == 32
+    assert PathSampler(SCENARIO, weights="untrained").encoding_dimensions == 32
 
 
 def test_weights_of_a_file_are_the_network(tiny, tmp_path):
     path = tmp_path / "mine.safetensors"
     save_weights(tiny, path, {})
-    read = PolicyPlanner(SCENARIO, weights=str(path)).policy
+    read = PathSampler(SCENARIO, weights=str(path)).policy
     for one, other in zip(jax.tree.leaves(read), jax.tree.leaves(tiny), strict=True):
         np.testing.assert_array_equal(one, other)
     with pytest.raises(InputError, match="nowhere"):
-        PolicyPlanner(SCENARIO, weights=str(tmp_path / "nowhere.safetensors"))
+        PathSampler(SCENARIO, weights=str(tmp_path / "nowhere.safetensors"))
 
 
 def test_log_probability_is_that_of_a_softmax_and_zero_where_nothing_is_possible():

@@ -6,14 +6,14 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.planners import make_planner
-from maipp.planners.leg_planner import LegPlanner
+from maipp.planners.search.plan_search import PlanSearch
 from maipp.scenario import Scenario
 
 
 @pytest.mark.parametrize(("agents", "legs"), [(1, 8), (3, 8), (4, 8), (5, 4), (6, 3), (7, 2), (10, 2), (100, 2)])
 def test_the_more_agents_the_fewer_legs_each_plans(agents, legs):
-    assert LegPlanner(Scenario(agents=agents)).legs == legs
-    assert LegPlanner(Scenario(agents=agents), horizon=5).legs == 5
+    assert PlanSearch(Scenario(agents=agents)).legs == legs
+    assert PlanSearch(Scenario(agents=agents), horizon=5).legs == 5
 
 
 @pytest.mark.parametrize("name", ["receding-horizon", "intent-search"])
@@ -36,18 +36,20 @@ def test_agents_announce_as_many_measurements_as_they_plan(name):
     ],
 )
 def test_plans_trust_the_spread_of_fields_they_resolve(scenario, given, trusted):
-    planner = LegPlanner(scenario, spread=given)
+    search = PlanSearch(scenario, spread=given)
     rng = np.random.default_rng(0)
     mean, known = (jnp.asarray(rng.uniform(0, 1, 50), jnp.float32) for _ in range(2))
     inside = jnp.ones(50, bool)
-    expected = planner.interest.expected_trace(mean, 0.3 * known, known, inside, spread=trusted, blur=planner.blur)
-    np.testing.assert_allclose(planner.expected(mean, 0.3 * known, known, inside), expected, rtol=1e-6)
+    expected = search.objective.interest.expected_trace(
+        mean, 0.3 * known, known, inside, spread=trusted, blur=search.blur
+    )
+    np.testing.assert_allclose(search.objective.expected(mean, 0.3 * known, known, inside), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("agents", "decisions"), [(1, 1), (5, 1), (6, 2), (10, 2)])
 def test_many_agents_plan_twice_on_the_way_of_each_leg(agents, decisions):
-    assert LegPlanner(Scenario(agents=agents)).decisions_per_leg == decisions
-    assert LegPlanner(Scenario(agents=agents), decisions=3).decisions_per_leg == 3
+    assert PlanSearch(Scenario(agents=agents)).decisions_per_leg == decisions
+    assert PlanSearch(Scenario(agents=agents), decisions=3).decisions_per_leg == 3
 
 
 @pytest.mark.parametrize(("option", "value"), [("horizon", 0), ("decisions", 0), ("decisions", 5), ("spread", -0.1)])

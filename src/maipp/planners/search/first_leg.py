@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from maipp.engine.polyline import first_part
-from maipp.planners.headings import within_leg
+from maipp.planners.plane.walks import within_leg
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Real
 

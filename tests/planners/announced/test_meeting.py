@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.score import score_missions
 from maipp.planners import make_planner
+from maipp.planners.announced.meeting import Rendezvous, in_time, lateness, rendezvous, spare
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.rendezvous import Rendezvous, in_time, lateness, rendezvous, spare
 from maipp.roadmap import zones_of
 from maipp.scenario import Scenario
 
@@ -93,7 +93,7 @@ def gaps(states):
 def test_agents_that_meet_end_within_range_and_know_all(tiny, meet):
     scenario = Scenario(agents=3, budget=1.6, grid=8, nodes=60, neighbours=10, comm_range=0.4)
     missions = draw_missions(scenario, seed=4, instances=6, encodings=4)
-    planner = IntentPlanner(scenario, network=tiny, paths=2, steps=2, choose="sample", meet=meet)
+    planner = IntentPlanner.of(scenario, network=tiny, paths=2, steps=2, choose="sample", meet=meet)
     states = run_missions(planner, missions, jax.random.key(0))
     apart = gaps(states)
     metrics = score_missions(missions, states)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.planners.plan_search import Finalists, SearchOptions, search
+from maipp.planners.search.optimiser import Finalists, SearchOptions, search
 
 OPTIONS = SearchOptions(candidates=64, elites=4, steps=10, rate=0.1)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from maipp.belief import Matern32, condition, condition_near, extend
 from maipp.planners.lookahead import predicted_variance
-from maipp.planners.plan_variance import variance_left
+from maipp.planners.search.variance import variance_left
 
 QUERY = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 SLOTS, PLANS, LEGS = 8, 3, 4

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from maipp.planners.headings import bend, walk, walk_bent, within_leg
+from maipp.planners.plane.walks import bend, walk, walk_bent, within_leg
 
 SEEDS = st.integers(0, 2**32 - 1)
 EXTENT = (1.5, 0.8)

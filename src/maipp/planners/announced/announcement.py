@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief
 from maipp.engine.decision import Observation
-from maipp.planners.told import count_told
+from maipp.planners.announced.told import count_told
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float
 
@@ -18,9 +18,21 @@ class Announcement(NamedTuple):
     times: Float[Array, " h"]  # when; inf where nothing is announced
 
 
+class TeamPlan(NamedTuple):
+    """What the others need in order to plan for the sender."""
+
+    legs: Announcement  # its own next measurements
+    remaining: Float[Array, ""]  # its budget when it arrives at the first of them, domain units
+
+
 def nothing_announced(count: int) -> Announcement:
     """The announcement of an agent that has not planned yet."""
     return Announcement(jnp.zeros((count, 2)), jnp.full(count, jnp.inf, jnp.result_type(float)))
+
+
+def nothing_planned(nothing: Announcement) -> TeamPlan:
+    """The message of an agent that has not planned yet."""
+    return TeamPlan(nothing, jnp.zeros(()))
 
 
 def with_announced(

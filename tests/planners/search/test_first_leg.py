@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
-from maipp.planners.first_leg import FirstLeg, depart
-from maipp.planners.headings import bend, walk_bent
+from maipp.planners.plane.walks import bend, walk_bent
+from maipp.planners.search.first_leg import FirstLeg, depart
 from maipp.scenario import Scenario
 
 EXTENT, STEPS = (1.0, 1.0), jnp.asarray([0.2, 0.2, 0.2])
