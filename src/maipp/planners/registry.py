@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from maipp.errors import InputError
+from maipp.extensions import PLANNERS, extension, extensions
 from maipp.planners.options import options_of, read_options
 from maipp.records import Field, unknown
 from maipp.scenario import Scenario
@@ -70,12 +71,14 @@ register(
 
 
 def planner_names() -> tuple[str, ...]:
-    """The names of all registered planners, in the order they were registered."""
-    return tuple(_REGISTERED)
+    """The names of all planners: those registered, in that order, then those of other installed packages."""
+    return (*_REGISTERED, *(name for name in extensions(PLANNERS) if name not in _REGISTERED))
 
 
 def find_planner(name: str) -> Registered:
     """The planner of that name, or the unnamed one that `path/to/file.py:Class` or `package.module:Class` points to.
+
+    A name is one that was registered, or that an installed package brings as an entry point of `maipp.planners`.
 
     Raises `InputError` for an unknown name; that a target exists is only known once it is imported.
     """
@@ -83,7 +86,10 @@ def find_planner(name: str) -> Registered:
         return _REGISTERED[name]
     if ":" in name:
         return Registered(name, name, "", {})
-    raise InputError(f"{unknown('planner', name, list(_REGISTERED))}, or path/to/file.py:ClassName")
+    brought = extension(PLANNERS, name, f"planner {name}")
+    if brought is not None:
+        return Registered(name, brought, "", {})
+    raise InputError(f"{unknown('planner', name, list(planner_names()))}, or path/to/file.py:ClassName")
 
 
 def planner_class(name: str) -> "type[maipp.engine.decision.Planner]":
