@@ -21,7 +21,7 @@ help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' Makefile
 
 demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
-	$(BIN)/python -m maipp.cli.demo --out out/demo
+	$(BIN)/maipp demo --out out/demo
 
 # A file's tests share what they compile, so one worker runs a whole file; files with slow tests come first, so that no
 # worker waits for one at the end (tests/conftest.py).

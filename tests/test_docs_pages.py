@@ -9,9 +9,9 @@ import pytest
 
 from maipp.bench.evaluate import message_bytes
 from maipp.engine import State
+from maipp.engine.options import parts_of
 from maipp.markdown import typed
 from maipp.planners import make_planner, planner_class, planner_names, planner_options
-from maipp.planners.plane_planner import PlanePlanner
 from maipp.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
@@ -56,7 +56,8 @@ def test_every_planner_has_its_section_and_its_line():
     assert list(overview) == list(planner_names())
     for name, (_, moves, _, keeps_out) in overview.items():
         planner = planner_class(name)
-        assert (moves == "in the plane") == issubclass(planner, PlanePlanner)
+        holders = planner, *(part.kind for part in parts_of(planner).values())
+        assert (moves == "in the plane") == any(hasattr(holder, "zones") for holder in holders)
         assert (keeps_out == "yes") == planner.avoids_obstacles
 
 

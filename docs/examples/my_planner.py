@@ -2,10 +2,7 @@
 
 import jax.numpy as jnp
 
-from maipp.belief import extend
-from maipp.engine import Decision, Observation, Planner, option
-from maipp.errors import InputError
-from maipp.planners.lookahead import predicted_trace
+from maipp import Decision, InputError, Observation, Planner, extend, option, predicted_trace
 
 
 class BestHeading(Planner):

@@ -15,7 +15,7 @@ from maipp import Scenario  # noqa: E402
 from maipp.engine import Decision, Planner  # noqa: E402
 from maipp.engine.reward import RewardKind, final_reward, reward  # noqa: E402
 from maipp.engine.state import route_capacity  # noqa: E402
-from maipp.planners.roadmap_step import roadmap_of  # noqa: E402
+from maipp.planners.roadmap.edges import roadmap_of  # noqa: E402
 from maipp.roadmap import nearest_node  # noqa: E402
 
 surveys: Any = environments  # its observations are arrays or dictionaries, by the options

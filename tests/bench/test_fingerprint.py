@@ -60,7 +60,7 @@ def test_it_is_plain_json_and_names_the_versions():
 def test_weights_are_told_by_their_numbers():
     untrained = make_planner("ti", Scenario(), {"weights": "untrained"})
     moved = eqx.tree_at(
-        lambda planner: jax.tree.leaves(planner.network)[0], untrained, replace_fn=lambda leaf: leaf + 1
+        lambda planner: jax.tree.leaves(planner.sampler.network)[0], untrained, replace_fn=lambda leaf: leaf + 1
     )
     assert weights_digest(untrained) == weights_digest(make_planner("ti", Scenario(), {"weights": "untrained"}))
     assert weights_digest(untrained) != weights_digest(moved)

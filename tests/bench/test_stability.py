@@ -10,7 +10,7 @@ from maipp.bench.intent_history import as_intent, divergences, intents_told
 from maipp.bench.stability import KINDS, Stability, stability_table, verdicts
 from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
-from maipp.planners.announced import Announcement
+from maipp.planners.announced.announcement import Announcement
 from maipp.scenario import Scenario
 from maipp.team import Intent
 from maipp.team.intent import symmetric_kl

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from maipp.errors import InputError
 from maipp.live.messages import describe, pack, unpack
 from maipp.live.units import Units
-from maipp.planners.announced import Announcement
-from maipp.planners.team_plan import TeamPlan
+from maipp.planners.announced.announcement import Announcement, TeamPlan
 from maipp.team import Intent
 
 OWN = Units((1.0, 1.0))

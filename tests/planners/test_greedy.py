@@ -11,9 +11,9 @@ from sklearn.gaussian_process.kernels import Matern
 from maipp.engine import draw_missions, reset, run_missions
 from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
-from maipp.planners.edges_here import edges_here
 from maipp.planners.greedy import Greedy
 from maipp.planners.lookahead import predicted_trace
+from maipp.planners.roadmap.edges import edges_here
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=10, nodes=25, neighbours=6)

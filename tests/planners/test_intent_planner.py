@@ -14,8 +14,9 @@ from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.errors import InputError
 from maipp.planners import make_planner
+from maipp.planners.announced.intents import intent_points
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.intent_belief import intent_points
+from maipp.planners.options import values_of
 from maipp.scenario import Scenario
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, trajectory_intent
 
@@ -27,7 +28,7 @@ EVENTS = 20
 @pytest.fixture(scope="module")
 def planner(tiny):
     """A function that makes a planner with the small network."""
-    return lambda scenario=SCENARIO, **options: IntentPlanner(
+    return lambda scenario=SCENARIO, **options: IntentPlanner.of(
         scenario, **({"network": tiny, "paths": 6, "steps": 3} | options)
     )
 
@@ -77,7 +78,7 @@ def act(seen):
         if change is not None:
             memories = memories if intents is None else memories._replace(intents=intents)
             return _act(planner, jax.random.split(KEY, len(memories.trajectory.cell)), change(observations), memories)
-        options = tuple((name, getattr(planner, name)) for name in planner.__dataclass_fields__ if name != "network")
+        options = planner.scenario, *values_of(planner).items()
         if options not in done:
             done[options] = _act(planner, jax.random.split(KEY, len(memories.trajectory.cell)), observations, memories)
         return done[options]
@@ -317,7 +318,7 @@ def test_other_roadmaps_float64_and_a_lone_agent_need_no_other_network(tiny):
     """More neighbours than a roadmap of the paper has, one agent, float64: the network stays float32."""
     scenario = Scenario(agents=1, budget=0.5, grid=6, nodes=40, neighbours=26)
     with jax.enable_x64(True):
-        star = IntentPlanner(scenario, network=tiny, paths=3, steps=2, choose="best")
+        star = IntentPlanner.of(scenario, network=tiny, paths=3, steps=2, choose="best")
         states = run_missions(star, missions_of(scenario, 1), KEY)
         assert states.route.dtype == jnp.float64 and states.memory.trajectory.hidden.dtype == jnp.float32
         np.testing.assert_allclose(states.odometer, 0.5, atol=1e-5)

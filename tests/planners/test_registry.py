@@ -3,13 +3,23 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
-from maipp.planners import make_planner, planner_names, planner_options, planner_summary, register, registry
+from maipp.planners import (
+    make_planner,
+    planner_class,
+    planner_names,
+    planner_options,
+    planner_summary,
+    register,
+    registry,
+)
+from maipp.planners.options import values_of
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
@@ -49,8 +59,8 @@ class NotOne:
 NAMES = """
 import equinox as eqx
 import jax.numpy as jnp
-from maipp.engine import Planner, option
-from maipp.planners.plane_planner import PlanePlanner
+from maipp.engine import Planner, option, part
+from maipp.planners.search import PlanSearch
 
 class Named(Planner):
     sweep: int = option(3, meaning="rows swept")
@@ -62,7 +72,8 @@ class Named(Planner):
     secret: int = eqx.field(static=True, default=7, metadata={"option": False})
     derived: int = eqx.field(static=True, init=False, default=1)
 
-class Zoned(PlanePlanner):
+class Composed(Planner):
+    search: PlanSearch = part(PlanSearch, horizon=3)
     sweep: int = option(1)
 
 class Bare(Planner):
@@ -110,7 +121,7 @@ def test_every_option_can_be_typed(name):
     for option in options:
         value = untrained.get(option.name, option.default)
         text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
-        assert getattr(make_planner(name, SCENARIO, untrained | {option.name: text}), option.name) == value
+        assert values_of(make_planner(name, SCENARIO, untrained | {option.name: text}))[option.name] == value
 
 
 def test_a_name_may_preset_options():
@@ -181,7 +192,6 @@ def test_an_option_may_have_any_name(names):
     planner = make_planner(names + "Named", SCENARIO, {"sweep": "5", "network": "lora", "zones": "2"})
     assert (planner.sweep, planner.network, planner.zones) == (5, "lora", 2)  # type: ignore[attr-defined]
     assert planner.waypoints_per_decision == 2
-    assert make_planner(names + "Zoned", SCENARIO, {"sweep": "5"}).sweep == 5  # type: ignore[attr-defined]
 
 
 def test_arrays_and_hidden_fields_are_no_options(names):
@@ -192,10 +202,21 @@ def test_arrays_and_hidden_fields_are_no_options(names):
         ("zones", "how many"),
         ("waypoints_per_decision", ""),
     ]
-    assert [option.name for option in planner_options(names + "Zoned")] == ["sweep"]
     for name in ("weights", "offset", "secret", "derived", "scenario"):
         with pytest.raises(InputError, match=f"no option '{name}'"):
             make_planner(names + "Named", SCENARIO, {"zones": "1", name: "1"})
+
+
+def test_a_part_s_options_are_the_planner_s(names):
+    composed = names + "Composed"
+    defaults = {option.name: option.default for option in planner_options(composed)}
+    assert (*defaults.items(),)[0] == ("horizon", 3) and defaults["sweep"] == 1 and "zones" not in defaults
+    planner: Any = make_planner(composed, SCENARIO, {"sweep": "5", "elites": "4"})
+    assert (planner.sweep, planner.search.horizon, planner.search.elites) == (5, 3, 4)
+    assert values_of(planner) == defaults | {"sweep": 5, "elites": 4}
+    with pytest.raises(InputError, match="elites=999 is more than candidates"):
+        make_planner(composed, SCENARIO, {"elites": 999})
+    assert planner_class(composed)(SCENARIO).parts[0].horizon == 3  # type: ignore[attr-defined]
 
 
 def test_an_option_without_a_default_must_be_given(names):

@@ -11,7 +11,7 @@ from sklearn.gaussian_process.kernels import Matern
 from maipp.engine import draw_missions, reset
 from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
-from maipp.planners.policy_planner import log_probability
+from maipp.planners.paths.path_sampler import log_probability
 from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.scenario import Scenario
 
@@ -39,7 +39,7 @@ def _events(planner, mission):
 def events(tiny):
     """The final state of a mission; what its agents saw, decided and told a trainer; and which events there were."""
     mission = jax.tree.map(lambda a: a[0], draw_missions(SCENARIO, seed=6, instances=1, encodings=4))
-    return jax.tree.map(np.asarray, _events(SgaCatnipp(SCENARIO, network=tiny, choose="sample"), mission))
+    return jax.tree.map(np.asarray, _events(SgaCatnipp.of(SCENARIO, network=tiny, choose="sample"), mission))
 
 
 def test_the_next_node_is_told_until_the_agent_stops(events):

@@ -13,7 +13,7 @@ from maipp.engine import draw_missions, reset
 from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, nothing_announced, with_announced
+from maipp.planners.announced.announcement import Announcement, nothing_announced, with_announced
 from maipp.planners.lookahead import measurement_offsets, predicted_trace
 from maipp.planners.sga_rrt import SgaRrt, grow_tree
 from maipp.scenario import Scenario

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maipp.planners.headings import bend, walk_bent
+from maipp.planners.plane.walks import bend, walk_bent
 from maipp.roadmap import Obstacles, zones_of
 from maipp.roadmap.free_run import cut, free_share
 from maipp.roadmap.zones import CLEARANCE

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import shapely
 
-from maipp.engine import Mission, State, draw_missions, run_missions
+from maipp.engine import Mission, Planner, State, draw_missions, run_missions
 from maipp.engine.score import moments_of, standing, taken_by
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
-from maipp.planners.plane_planner import PlanePlanner
-from maipp.planners.sweep import clipped_sweep
+from maipp.planners.plane.sweep import clipped_sweep
 from maipp.roadmap import (
     FreeSpace,
     Home,
@@ -39,6 +38,12 @@ _ROUNDING = 1e-6
 
 # A point farther than this from every measurement is unmeasured, domain units; a part of this size is worth going to.
 _UNMEASURED, _WORTH_GOING = 0.25, 0.05
+
+
+def zones_in(planner: Planner) -> list[Any]:
+    """Where a planner and its parts hold no-go zones; those that move on roadmaps hold none."""
+    holders: list[Any] = [planner, *planner.parts]
+    return [holder.zones for holder in holders if hasattr(holder, "zones")]
 
 
 class Surveyed(NamedTuple):
@@ -71,8 +76,9 @@ class Surveyor:
             rows, margin = planner.tuned()
             sweep = clipped_sweep(scenario, int(rows), float(margin), CORNERS, POINTS, VERTICES)
             planner = dataclasses.replace(planner, sweep=sweep)
-        if isinstance(planner, PlanePlanner):
-            planner = dataclasses.replace(planner, zones=zones_of(scenario, EDGES, CORNERS))
+        if count := len(zones_in(planner)):
+            zones = [zones_of(scenario, EDGES, CORNERS)] * count
+            planner = eqx.tree_at(zones_in, planner, zones, is_leaf=lambda leaf: leaf is None)
         starts = np.asarray(scenario.starts, np.float32)
         grid = np.asarray(self.world.grid[0], float)
         inside = obstacles.free(grid)

@@ -98,7 +98,7 @@ def pull(config, scenario, planner, bank, environments, key, phase, follow):
     The right arm leaves 60 of 100, the wrong one 90. Agent 1 pulls before agent 0 learns what came of its arm: whoever
     takes the next decision in the stream for the same agent's learns nothing.
     """
-    network = planner.policy
+    network = planner.sampler.policy
     memory = network.initial_memory()
 
     def mission(key):

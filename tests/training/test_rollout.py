@@ -179,7 +179,7 @@ def test_a_choice_is_drawn_from_the_lesson_as_often_as_follow_says(learner, envi
             after, transition = step(
                 CONFIG, learner.scenario, planner, learner.bank, environment, key, "imitate", jnp.float32(0.5)
             )
-            logits = ask(planner.policy, learner.bank, transition)[1]
+            logits = ask(planner.sampler.policy, learner.bank, transition)[1]
             return transition.index, jax.nn.softmax(logits), after.plans, after.state.leg
 
         return jax.vmap(one)(keys)

@@ -94,7 +94,7 @@ def test_the_best_path_leaves_the_lowest_trace_of_all_sampled(learner, searched)
 def test_surprise_is_minus_the_log_probability_of_the_steps(learner, searched):
     """Step by step, by the softmax of the decoder's logits."""
     planner, transitions = searched
-    network = planner.policy
+    network = planner.sampler.policy
 
     @eqx.filter_jit
     def both(network, transition):
@@ -127,9 +127,9 @@ def test_gradient_steps_make_the_elites_likelier(learner, searched):
     def loss(network):
         return jnp.mean(jax.vmap(lambda s: sample_loss(CONFIG, network, learner.bank, s, "search")[0])(samples))
 
-    before, gradient = eqx.filter_jit(eqx.filter_value_and_grad(loss))(planner.policy)
+    before, gradient = eqx.filter_jit(eqx.filter_value_and_grad(loss))(planner.sampler.policy)
     size = optax.tree.norm(gradient)
-    moved = jax.tree.map(lambda w, g: w - 0.02 * g / size, planner.policy, gradient)
+    moved = jax.tree.map(lambda w, g: w - 0.02 * g / size, planner.sampler.policy, gradient)
     assert loss(moved) < before
 
 

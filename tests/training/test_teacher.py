@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from maipp.engine.observe import turn
-from maipp.planners.edges_here import edges_here
-from maipp.planners.leg_planner import LegPlanner
-from maipp.planners.plan_search import Finalists
-from maipp.planners.policy_view import PolicyView
+from maipp.planners.paths.view import PolicyView
+from maipp.planners.roadmap.edges import edges_here
+from maipp.planners.search.optimiser import Finalists
+from maipp.planners.search.plan_search import PlanSearch
 from maipp.roadmap import Roadmap
 from maipp.training.config import TrainConfig
 from maipp.training.learner import Learner
@@ -76,7 +76,7 @@ def choices(headings, allowed=(True, True, True, True)):
 def test_each_plan_has_a_say_by_its_value(star, monkeypatch, allowed):
     planner, observation = star
     found = Finalists(jnp.array([EAST, NORTH], jnp.float32), jnp.array([100.0, 108.0]))
-    monkeypatch.setattr(LegPlanner, "plan_legs", lambda *args: found)
+    monkeypatch.setattr(PlanSearch, "plan", lambda *args: found)
     lesson = jax.tree.map(np.asarray, lesson_of(planner, observation, allowed, no_plan(), jax.random.key(0)))
     say = (1 / 108) ** (1 / 0.08) / ((1 / 100) ** (1 / 0.08) + (1 / 108) ** (1 / 0.08))
     expected = (1 - say) * choices(EAST, allowed) + say * choices(NORTH, allowed)
@@ -90,7 +90,7 @@ def test_each_plan_has_a_say_by_its_value(star, monkeypatch, allowed):
 def test_where_nothing_is_allowed_there_is_no_choice(star, monkeypatch):
     planner, observation = star
     found = Finalists(jnp.array([EAST, NORTH], jnp.float32), jnp.array([100.0, 108.0]))
-    monkeypatch.setattr(LegPlanner, "plan_legs", lambda *args: found)
+    monkeypatch.setattr(PlanSearch, "plan", lambda *args: found)
     lesson = lesson_of(planner, observation, (False,) * 4, no_plan(), jax.random.key(0))
     np.testing.assert_array_equal(lesson.choice, np.zeros(4))
 
@@ -104,7 +104,7 @@ def test_the_plan_moves_on_once_the_agent_measures(star, monkeypatch, allowed, m
     assert float(observation.to_next_measurement) == pytest.approx(0.2)
     plan = np.array([0.0, 0.5, 1.0, 1.5])
     found = Finalists(jnp.array([NORTH, plan], jnp.float32), jnp.array([300.0, 1.0]))
-    monkeypatch.setattr(LegPlanner, "plan_legs", lambda *args: found)
+    monkeypatch.setattr(PlanSearch, "plan", lambda *args: found)
     lesson = lesson_of(planner, observation, allowed, no_plan(), jax.random.key(0))
     np.testing.assert_allclose(lesson.plan, np.roll(plan, -1) if moves_on else plan, atol=1e-6)
 

@@ -18,7 +18,8 @@ from maipp.bench.output import make_folder
 from maipp.bench.prior_worlds import prior_missions
 from maipp.bench.rows import Row
 from maipp.files import write_atomic
-from maipp.planners import make_planner, planner_options
+from maipp.planners import make_planner
+from maipp.planners.options import values_of
 from maipp.problem import Shape
 from maipp.scenario import Scenario
 from maipp.typing import Float
@@ -81,7 +82,7 @@ class Cell:
         made_by = {
             "scenario": self.scenario.to_dict(),
             "planner": self.row.planner,
-            "options": {option.name: getattr(planner, option.name) for option in planner_options(self.row.planner)},
+            "options": values_of(planner),
             "instances": self.instances,
             "trials": self.trials,
             "seed": self.seed,

@@ -26,7 +26,8 @@ from maipp.engine.score import Metrics, score_missions
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
-from maipp.planners.given import AnyPlanner, given_planner, options_now
+from maipp.planners.given import AnyPlanner, given_planner
+from maipp.planners.options import values_of
 from maipp.problem import Shape, params_of, shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -159,7 +160,7 @@ def evaluate(
     return Evaluation(
         scenario=scenario,
         planner=name,
-        options=options_now(made),
+        options=values_of(made),
         instances=instances,
         first=first,
         trials=trials,

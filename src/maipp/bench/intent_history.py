@@ -11,7 +11,7 @@ import numpy as np
 
 from maipp.engine import Mission, Planner, State
 from maipp.engine.rollout import run_recorded
-from maipp.planners.announced import Announcement
+from maipp.planners.announced.announcement import Announcement
 from maipp.team import Intent, fit_intent
 from maipp.team.intent import is_told, symmetric_kl
 from maipp.typing import Bool, Float, Int, Key

@@ -1,15 +1,13 @@
-"""`python -m maipp.cli.demo`: three robots survey real bathymetry, a part of what Matplotlib ships as sample data.
+"""`maipp demo`: three robots survey real bathymetry, a part of what Matplotlib ships as sample data.
 
 The Strait of Georgia between Vancouver and its island: a trough of about 400 m through shallows and land. The trough is
 of high interest. The robots are taken to fly (airborne sounding), so they may cross land, which counts as depth 0.
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
@@ -98,25 +96,3 @@ def run(flags: Demo) -> int:
 
 def _metres(episode: "Episode") -> float:
     return float(episode.geo.to_user_std(episode.metrics.rmse))
-
-
-def main() -> int:
-    """Run the demonstration; gives its exit code."""
-    import tyro
-
-    from maipp.cli.main import INPUT_ERROR, INTERRUPTED, prepare_jax
-
-    flags = tyro.cli(Demo, prog="python -m maipp.cli.demo")
-    prepare_jax()
-    try:
-        return run(flags)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return INPUT_ERROR
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-
-
-if __name__ == "__main__":
-    sys.exit(main())

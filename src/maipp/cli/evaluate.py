@@ -19,7 +19,7 @@ from maipp.cli.options import FieldFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
 from maipp.planners import make_planner, planner_names, planner_options
-from maipp.planners.given import options_now
+from maipp.planners.options import values_of
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -130,7 +130,7 @@ def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
                 bar.update(task, description=f"{planner}, budget {budget_of(scenario)}")
                 before = number * each
                 made = make_planner(planner, scenario, options)
-                wanted = what(planner, options_now(made), scenario, flags.seed, flags.trials)
+                wanted = what(planner, values_of(made), scenario, flags.seed, flags.trials)
                 code = fingerprint_of(made, field) if known else ""
                 evaluation = find(known, wanted, first, instances, code, timing=flags.timing) or evaluate(
                     scenario,

@@ -43,6 +43,7 @@ COMMANDS = {
     "fleet keys": Command("Keys", False, "make the certificates by which the robots of a fleet know each other"),
     "planners": Command("Planners", True, "list the planners and their options"),
     "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),
+    "demo": Command("Demo", True, "survey real bathymetry with three robots, and draw what they found"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),
 }
 

@@ -178,7 +178,7 @@ def _simulate(
     from maipp.engine import draw_missions, run_missions
     from maipp.engine.episode import Episode
     from maipp.engine.rollout import run_recorded
-    from maipp.planners.told_record import tells_plans, told_in, whole_message
+    from maipp.planners.announced.record import tells_plans, told_in, whole_message
 
     try:
         missions = draw_missions(

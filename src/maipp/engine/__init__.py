@@ -1,7 +1,8 @@
 """The one way from an arrival to the next leg: missions, events, batches of them, scores and records."""
 
-from maipp.engine.decision import Decision, Observation, Planner, option
+from maipp.engine.decision import Decision, Observation, Planner
 from maipp.engine.mission import Mission, draw_missions
+from maipp.engine.options import option, part
 from maipp.engine.rollout import run_missions
 from maipp.engine.state import State, reset
 
@@ -13,6 +14,7 @@ __all__ = [
     "State",
     "draw_missions",
     "option",
+    "part",
     "reset",
     "run_missions",
 ]

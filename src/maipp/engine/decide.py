@@ -10,6 +10,7 @@ from maipp.engine.decision import Decision, Knowledge, Observation, Planner, PyT
 from maipp.engine.homing import led_home
 from maipp.engine.mission import Mission
 from maipp.engine.observe import observe
+from maipp.engine.owed import decided
 from maipp.engine.polyline import cut_leg, distances
 from maipp.engine.state import AT_HOME, BY_PLANNER, HOMEWARD, NOT_FINITE, SPENT, TRAVELLING
 from maipp.problem import Problem
@@ -95,8 +96,8 @@ def depart_of(
 
 
 def ask(planner: Planner, mission: Mission, key: Key, observation: Observation, memory: PyTree) -> Decision:
-    """What the planner answers, in this mission's own numbers."""
-    return planner.on(mission.problem).decide(key, observation, memory)
+    """What the planner answers, in this mission's own numbers. Raises `InputError` where it owes something else."""
+    return decided(planner.on(mission.problem), key, observation, memory)
 
 
 @eqx.filter_jit

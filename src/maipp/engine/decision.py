@@ -1,18 +1,19 @@
 """What a planner sees, what it answers, and the protocol between it and the engine."""
 
-import dataclasses
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax
 
 from maipp.belief import Belief, Interest
+from maipp.engine.options import parts_of, taken
 from maipp.problem import Problem
 from maipp.roadmap import Home, Roadmap
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 PyTree = Any
+P = TypeVar("P", bound="Planner")
 
 
 class AgentView(eqx.Module):
@@ -62,16 +63,6 @@ class Decision(eqx.Module):
     stop: Bool[Array, ""] | bool = False  # True ends this agent's mission here
 
 
-def option(default: Any = dataclasses.MISSING, *, meaning: str = "") -> Any:
-    """A static field of a planner that users may set by its name, with what it means on one line.
-
-    Text is read by the field's annotation: `bool`, `int`, `float`, `str`, a tuple of these, a `Literal`, or one of them
-    `| None`. Without a default the option must be given, by keyword.
-    """
-    required = default is dataclasses.MISSING
-    return eqx.field(static=True, default=default, kw_only=required, metadata={"option": meaning})
-
-
 def _is_scenario(node: object) -> bool:
     return isinstance(node, Scenario | Problem)
 
@@ -96,6 +87,24 @@ class Planner(eqx.Module):
     # survey changes those, its agents begin with `initial_memory` again.
     memory_of_place: ClassVar[bool] = False
 
+    def __post_init__(self) -> None:
+        for name, part in parts_of(type(self)).items():
+            if getattr(self, name) is None:
+                setattr(self, name, part.made(self.scenario, {}))
+
+    @classmethod
+    def of(cls: type[P], scenario: Scenario | Problem, **values: Any) -> P:
+        """The planner with these values of its own fields and of its parts', which go by their names alone."""
+        parts = parts_of(cls)
+        made = {name: part.made(scenario, values) for name, part in parts.items() if name not in values}
+        theirs = {name for part in parts.values() for name in taken(part.kind, values)} - taken(cls, values).keys()
+        return cls(scenario, **made, **{name: value for name, value in values.items() if name not in theirs})
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """The modules that it is composed of, see `maipp.engine.part`."""
+        return tuple(getattr(self, name) for name in parts_of(type(self)))
+
     def on(self, problem: Problem) -> Any:
         """The planner, and those that it holds, for compiled code: this problem in place of their scenario."""
         return jax.tree.map(lambda node: problem if _is_scenario(node) else node, self, is_leaf=_is_scenario)
@@ -107,8 +116,8 @@ class Planner(eqx.Module):
 
     @property
     def encoding_dimensions(self) -> int:
-        """Columns of the spectral encoding that each roadmap needs; 0: none is computed."""
-        return 0
+        """Columns of the spectral encoding that each roadmap needs, for the planner or a part of it; 0: none."""
+        return max((getattr(part, "encoding_dimensions", 0) for part in self.parts), default=0)
 
     @property
     def interest(self) -> Interest:
@@ -118,7 +127,7 @@ class Planner(eqx.Module):
     @property
     def missions_per_core(self) -> int:
         """Missions that one CPU core steps together, at most: fewer where a decision alone fills the core's cache."""
-        return 16
+        return min((getattr(part, "missions_per_core", 16) for part in self.parts), default=16)
 
     def check(self) -> None:
         """Raise InputError where an option makes no sense; called once, before anything is compiled."""

@@ -16,6 +16,7 @@ from maipp.engine.prior_checks import prior_arrays
 from maipp.engine.rows import pick
 from maipp.errors import InputError
 from maipp.fields.mixture import evaluation_grid, sample_mixture
+from maipp.fields.own import as_field
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
@@ -118,7 +119,7 @@ def draw_missions(
     planner: Planner | None = None,
     roadmaps: bool = True,
     encodings: int = 0,
-    field: Field | None = None,
+    field: Any = None,
     prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
     prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
     shape: Shape | None = None,
@@ -127,10 +128,11 @@ def draw_missions(
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
     planners meet the same worlds. What `planner` needs is drawn; without one, `roadmaps` that carry a spectral encoding
-    of `encodings` columns (`Planner.encoding_dimensions`). `field`, a pytree, replaces the random mixture by a given
-    ground truth. `prior` are positions (domain units) and standardised values of samples taken before the survey, the
-    same in every mission: whatever the team believes is conditioned on them. They may lie anywhere and on top of each
-    other; none at all is the same as None. `prior_noise` is their noise variance, for each or for all, in place of the
+    of `encodings` columns (`Planner.encoding_dimensions`). `field` replaces the random mixture by a given ground truth:
+    a pytree, or a plain function of points (n, 2) to values (n,), see `as_field`. `prior` are positions (domain units)
+    and standardised values of samples taken before the survey, the same in every mission: whatever the team believes is
+    conditioned on them. They may lie anywhere and on top of each other; none at all is the same as None. `prior_noise`
+    is their noise variance, for each or for all, in place of the
     scenario's. `shape` is the scenario's own, or one that it shares with others (`shape_of`).
     Raises InputError for a seed out of range, where obstacles leave no room, and for prior samples that are not finite
     or do not match.
@@ -144,7 +146,8 @@ def draw_missions(
     rules = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
     numbers = jnp.arange(first, first + instances)
     sizes = {"points": scenario.grid, "components": scenario.mixture_components}
-    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), field, *rules, numbers, **sizes))
+    truth = as_field(field, scenario.extent)
+    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), truth, *rules, numbers, **sizes))
     grid, fields, truth, draws = drawn
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:

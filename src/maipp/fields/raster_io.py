@@ -6,11 +6,12 @@ import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
-from maipp.errors import InputError
+from maipp.errors import InputError, first_line
+from maipp.extensions import READERS, extension, extensions
 from maipp.fields.csv_table import read_table
 from maipp.fields.raster_csv import csv_columns, grid_from_rows
 from maipp.fields.raster_data import RasterData, gaps_in, numeric, stray_value
@@ -66,9 +67,10 @@ def load_raster(
     if gaps not in ("refuse", "nearest"):
         raise InputError(f"gaps: {gaps!r} is no way to treat cells without a value; give refuse or nearest")
     suffix, fill = path.suffix.lower(), gaps == "nearest"
-    if suffix not in SUFFIXES:
-        listed = ", ".join(SUFFIXES[:-1])
-        raise InputError(f"{path}: unknown suffix '{path.suffix}'; a raster is a {listed} or {SUFFIXES[-1]} file")
+    reader = None if suffix in SUFFIXES else extension(READERS, suffix.lstrip("."), f"{path}: reader of {suffix} files")
+    if suffix not in SUFFIXES and reader is None:
+        *some, last = [*SUFFIXES, *(f".{name}" for name in extensions(READERS))]
+        raise InputError(f"{path}: unknown suffix '{path.suffix}'; a raster is a {', '.join(some)} or {last} file")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     if at and suffix not in (".nc", ".nc4", ".cdf"):
@@ -76,7 +78,9 @@ def load_raster(
     try:
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty")
-        if suffix in (".tif", ".tiff"):
+        if reader is not None:
+            data = _read_by(reader, path, value, extent)
+        elif suffix in (".tif", ".tiff"):
             data = read_geotiff(path, value, extent, fill, crs)
         elif suffix in (".nc", ".nc4", ".cdf"):
             data = read_netcdf(path, value, extent, at or {}, fill, crs)
@@ -86,6 +90,23 @@ def load_raster(
         return data if crs is None else dataclasses.replace(data, crs=crs)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _read_by(reader: Any, path: Path, value: str | None, extent: Sequence[float] | None) -> RasterData:
+    """The grid that another package's reader gives. Raises InputError where it fails, or gives something else."""
+    for name, given in (("value", value), ("extent", extent)):
+        if given is not None:
+            raise InputError(f"{path}: {path.suffix} files are read by {reader.__module__}; leave out {name}={given}")
+    try:
+        data = reader(path)
+    except InputError:
+        raise
+    except Exception as error:  # whatever another package raises
+        told = f"{type(error).__name__}: {first_line(error)}"
+        raise InputError(f"{path}: {reader.__module__} cannot read it: {told}") from error
+    if not isinstance(data, RasterData):
+        raise InputError(f"{path}: {reader.__module__} gave a {type(data).__name__}, where a RasterData is due")
+    return data
 
 
 def _without_strays(data: RasterData, fill: bool) -> RasterData:

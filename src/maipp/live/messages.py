@@ -9,8 +9,7 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.live.units import Units
-from maipp.planners.announced import Announcement
-from maipp.planners.team_plan import TeamPlan
+from maipp.planners.announced.announcement import Announcement, TeamPlan
 from maipp.team import Intent
 
 

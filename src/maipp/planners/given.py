@@ -9,8 +9,9 @@ from typing import Any
 import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import parts_of
 from maipp.errors import InputError
-from maipp.planners.options import options_of
+from maipp.planners.options import values_of
 from maipp.planners.registry import make_planner
 from maipp.scenario import Scenario
 from maipp.typing import Key
@@ -50,8 +51,9 @@ def given_planner(
         name = _name(type(planner))
         if options:
             raise InputError(f"planner {name}: is made already; give its class, or no options ({', '.join(options)})")
-        made = planner if planner.scenario == scenario else dataclasses.replace(planner, scenario=scenario)
-        made.check()
+        made = planner if planner.scenario == scenario else _made_for(scenario, planner)
+        for each in (*made.parts, made):
+            getattr(each, "check", bool)()
         return name, made
     if not callable(planner):
         raise InputError(f"planner: {planner!r:.60} is none; give a name, a class, a planner, or a function")
@@ -64,9 +66,11 @@ def given_planner(
     return _name(planner), made
 
 
-def options_now(planner: Planner) -> dict[str, Any]:
-    """Every option of a planner with its value."""
-    return {option.name: getattr(planner, option.name) for option in options_of(type(planner))}
+def _made_for(scenario: Scenario, planner: Planner) -> Planner:
+    """The planner for another scenario, with the options and arrays that it has; its parts are made anew."""
+    values = values_of(planner)
+    parts = {name: part.made(scenario, values) for name, part in parts_of(type(planner)).items()}
+    return dataclasses.replace(planner, scenario=scenario, **parts)
 
 
 def _name(thing: Any) -> str:

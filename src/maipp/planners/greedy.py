@@ -3,11 +3,12 @@
 import jax.numpy as jnp
 
 from maipp.belief import to_rank
-from maipp.engine.decision import Decision, Observation, Planner, PyTree, option
-from maipp.planners.edges_here import edges_here
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import option
+from maipp.planners.announced.meeting import appointment
+from maipp.planners.announced.told import count_targets, no_target
 from maipp.planners.lookahead import predicted_trace
-from maipp.planners.rendezvous import appointment
-from maipp.planners.told import count_targets, no_target
+from maipp.planners.roadmap.edges import edges_here
 from maipp.typing import Key
 
 

@@ -10,13 +10,14 @@ import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief, to_rank
-from maipp.engine.decision import Decision, Observation, PyTree, option
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import option, part
 from maipp.errors import InputError
-from maipp.planners.intent_belief import with_intents
-from maipp.planners.policy_paths import Paths, Situation
-from maipp.planners.policy_planner import Choice, Insight, PolicyPlanner
-from maipp.planners.roadmap_step import roadmap_of
-from maipp.planners.told import latest
+from maipp.planners.announced.intents import with_intents
+from maipp.planners.announced.told import latest
+from maipp.planners.paths.path_sampler import Choice, PathSampler
+from maipp.planners.paths.paths import Paths, Situation
+from maipp.planners.roadmap.edges import roadmap_of
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
@@ -35,9 +36,10 @@ class Recollection(NamedTuple):
     plan: Int[Array, " j"]  # what is left of the best path, as turns at each node; -1 from where there is none
 
 
-class IntentPlanner(PolicyPlanner):
+class IntentPlanner(Planner):
     """Samples `paths` trajectories of `steps` nodes from the policy, and tells the others a Gaussian fitted to them."""
 
+    sampler: PathSampler = part(PathSampler)
     paths: int = option(8, meaning="trajectories sampled per decision: a")
     steps: int = option(5, meaning="nodes of each path: j")
     distinct: bool = option(False, meaning="the paths' first steps differ, as far as they can")
@@ -56,9 +58,11 @@ class IntentPlanner(PolicyPlanner):
     keep: bool = option(False, meaning="what is left of the last best path competes again")
     recall: bool = option(True, meaning="of agents out of range, count on the last intent heard")
 
+    uses_roadmap = True
+    avoids_obstacles = True
+
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        super().check()
         for name in ("paths", "steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
@@ -72,13 +76,17 @@ class IntentPlanner(PolicyPlanner):
     def initial_memory(self) -> PyTree:
         """Nothing travelled, nothing heard."""
         intents = jax.tree.map(lambda a: jnp.broadcast_to(a, (self.scenario.agents, *a.shape)), no_intent())
-        return Recollection(self.policy.initial_memory(), intents, jnp.full(self.steps, -1, jnp.int32))
+        return Recollection(self.sampler.policy.initial_memory(), intents, jnp.full(self.steps, -1, jnp.int32))
 
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with a few virtual measurements where the others intend to be."""
         heard = observation.heard & self.listen
         value, here = self.scenario.virtual_value, observation.position
         return with_intents(observation.belief, observation.messages, heard, value, here)
+
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next node, and the agent's intent."""
+        return self.act(key, observation, memory)[0]
 
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
         """The next node with the agent's intent, and what a trainer needs to know of the decision."""
@@ -89,10 +97,10 @@ class IntentPlanner(PolicyPlanner):
         heard = observation.heard & self.listen
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         intent = fuse_intents(observation.messages, heard, nodes)
-        situation = self.situation(observation, observation.belief, intent)
-        insight = self.look(situation, memory.trajectory)
+        situation = self.sampler.situation(observation, observation.belief, intent)
+        insight = self.sampler.look(situation, memory.trajectory)
         path_key, choice_key = jax.random.split(key)
-        paths = self.sample(
+        paths = self.sampler.sample(
             path_key,
             situation,
             insight,
@@ -104,8 +112,9 @@ class IntentPlanner(PolicyPlanner):
         )
         scores = self._scores(observation, situation, paths) if self._ranks else None
         best = jnp.zeros((), jnp.int32) if scores is None else jnp.argmin(to_rank(scores))
-        index = self._choose(choice_key, insight, paths, best)
-        stop = ~insight.view.allowed.any()
+        drawn = self.sampler.choose(choice_key, insight, sampled=self.choose == "sample")
+        index = paths.choices[best] if self.choose == "best" else drawn
+        stop = insight.stuck
         target = nodes[jnp.where(stop, situation.here.node, insight.view.neighbours[index])]
         rest = jnp.append(paths.turns[best, 1:], -1)
         # Who did not set out along the best path has nothing left of it.
@@ -126,22 +135,13 @@ class IntentPlanner(PolicyPlanner):
     def _scores(self, observation: Observation, situation: Situation, paths: Paths) -> Float[Array, " a"]:
         """What each path leaves: the Tr(P) predicted, or expected, at its end."""
         belief = observation.belief if self.rank == "stationary" else self.counted(observation)
-        mean, variance = self.outcomes(belief, situation, paths)
+        mean, variance = self.sampler.outcomes(belief, situation, paths)
         if self.rank != "expected":
             return self.interest.trace(mean, variance, observation.inside)
         known, inside = observation.belief.variance, observation.inside
         # Who takes planned values for zero has no doubt about them.
         spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
         return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=_BLUR)
-
-    def _choose(self, key: Key, insight: Insight, paths: Paths, best: Index) -> Index:
-        """Which neighbour to go to."""
-        if self.choose == "best":
-            return paths.choices[best]
-        logits = jnp.where(insight.view.allowed.any(), insight.logits, 0.0)
-        if self.choose == "sample":
-            return jax.random.categorical(key, logits / self.temperature).astype(jnp.int32)
-        return jnp.argmax(logits).astype(jnp.int32)
 
     def _fit(self, nodes: Float[Array, "n 2"], paths: Paths, best: Index, stop: Array) -> Intent:
         """The intent; nothing once the agent stops, which must not keep a place claimed."""

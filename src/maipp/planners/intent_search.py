@@ -8,16 +8,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from maipp.engine.decision import Decision, Observation, PyTree, option
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import option, part
 from maipp.engine.polyline import along_paths
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.leg_planner import Ahead, LegPlanner
-from maipp.planners.policy_paths import Paths, Situation
-from maipp.planners.policy_planner import PolicyPlanner
-from maipp.planners.receding_horizon import LegMemory, first_memory
-from maipp.planners.roadmap_step import roadmap_of
-from maipp.planners.told import latest
+from maipp.planners.announced.announcement import Announcement, nothing_announced
+from maipp.planners.paths.path_sampler import PathSampler
+from maipp.planners.paths.paths import Paths, Situation
+from maipp.planners.roadmap.edges import roadmap_of
+from maipp.planners.search.outlook import Ahead
+from maipp.planners.search.plan_search import LegMemory, PlanSearch
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, fit_intent, fuse_intents
@@ -31,72 +31,63 @@ class SearchMemory(eqx.Module):
     legs: LegMemory
 
 
-class IntentSearch(PolicyPlanner, LegPlanner):
+class IntentSearch(Planner):
     """Refines the best of `paths` sampled paths of `nodes` nodes and of random plans; travels one leg, plans again.
 
     Agents tell each other where and when they mean to measure; the intent that the policy is shown is fitted to that.
     """
 
-    weights: str = option("ti", meaning="shipped weights, a .safetensors file, or untrained")
+    search: PlanSearch = part(PlanSearch, candidates=96)
+    sampler: PathSampler = part(PathSampler)
     paths: int = option(16, meaning="trajectories sampled from the policy per decision")
     nodes: int = option(6, meaning="nodes of each path")
-    candidates: int = option(96, meaning="random plans scored")
     distinct: bool = option(True, meaning="the paths' first steps differ, as far as they can")
 
-    def __post_init__(self) -> None:
-        PolicyPlanner.__post_init__(self)
-        LegPlanner.__post_init__(self)
+    uses_roadmap = True
+    avoids_obstacles = True
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        PolicyPlanner.check(self)
-        LegPlanner.check(self)
         for name in ("paths", "nodes"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
 
     @property
+    def waypoints_per_decision(self) -> int:
+        """Those of a leg."""
+        return self.search.waypoints
+
+    @property
     def missions_per_core(self) -> int:
         """As without a policy: the search in the plane is what takes the time, and 8 at a time gained nothing."""
-        return super(PolicyPlanner, self).missions_per_core
+        return self.search.missions_per_core
 
     def empty_message(self) -> PyTree:
         """The announced measurements."""
-        return nothing_announced(self.legs)
+        return nothing_announced(self.search.legs)
 
     def initial_memory(self) -> PyTree:
         """Nothing travelled, planned or heard."""
-        return SearchMemory(self.policy.initial_memory(), first_memory(self.legs, self.scenario.agents))
+        return SearchMemory(self.sampler.policy.initial_memory(), self.search.first_memory())
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
+        search, sampler = self.search, self.sampler
         path_key, search_key = jax.random.split(key)
-        ahead = self.ahead(observation)
-        heard = latest(observation.heard, observation.messages, memory.legs.heard)
-        belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
+        ahead = search.ahead(observation)
+        belief, heard = search.counted(observation, memory.legs.heard)
 
-        situation = self.situation(observation, observation.belief, self._map(observation, heard))
-        insight = self.look(situation, memory.trajectory)
-        paths = self.sample(path_key, situation, insight, paths=self.paths, steps=self.nodes, distinct=self.distinct)
-        plans = self.plan_legs(
-            search_key,
-            belief,
-            observation.inside,
-            observation.position,
-            memory.legs.plan,
-            ahead.steps,
-            ahead.affordable,
-            observation.belief.variance,
-            meeting=self.meeting(observation),
-            remaining=observation.remaining,
-            proposals=self._proposals(situation, paths, ahead),
-        )
-        way, message, left = self.set_out(observation, belief, plans.best, ahead)
+        situation = sampler.situation(observation, observation.belief, self._map(observation, heard))
+        insight = sampler.look(situation, memory.trajectory)
+        paths = sampler.sample(path_key, situation, insight, paths=self.paths, steps=self.nodes, distinct=self.distinct)
+        outlook, proposals = search.outlook(observation, belief, ahead), self._proposals(situation, paths, ahead)
+        plan = search.plan(search_key, outlook, memory.legs.plan, proposals).best
+        way, message, left = search.set_out(observation, outlook, plan, ahead)
         return Decision(way, message, SearchMemory(insight.memory, LegMemory(left, heard)))
 
     def _map(self, observation: Observation, heard: Announcement) -> Float[Array, " n"]:
         """The others' fused intent at the nodes: Gaussians fitted to what each has announced."""
-        told = jnp.isfinite(heard.times) & (observation.heard | self.recall)[:, None]
+        told = jnp.isfinite(heard.times) & (observation.heard | self.search.recall)[:, None]
         floor = COVARIANCE_FLOOR * longest_side(self.scenario.extent) ** 2
         intents: Intent = jax.vmap(lambda points, mask: fit_intent(points, mask, floor))(heard.points, told)
         return fuse_intents(intents, told.any(axis=1), jnp.asarray(roadmap_of(observation).nodes))

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
-from maipp.planners.edges_here import edges_here
-from maipp.planners.rendezvous import appointment
+from maipp.planners.announced.meeting import appointment
+from maipp.planners.roadmap.edges import edges_here
 from maipp.typing import Key
 
 

@@ -1,34 +1,15 @@
 """`receding-horizon`: optimise the next legs in continuous space, travel the first, plan again."""
 
-from typing import NamedTuple
-
-import jax
-import jax.numpy as jnp
-
-from maipp.engine.decision import Decision, Observation, PyTree, option
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import option, part
 from maipp.errors import InputError
-from maipp.planners.announced import Announcement, nothing_announced, with_announced
-from maipp.planners.leg_planner import LegPlanner
-from maipp.planners.team_plan import TeamPlan, nothing_planned, plan_team
-from maipp.planners.told import latest
-from maipp.typing import Array, Float, Key
+from maipp.planners.announced.announcement import TeamPlan, nothing_announced, nothing_planned, with_announced
+from maipp.planners.search.joint import plan_team
+from maipp.planners.search.plan_search import LegMemory, PlanSearch
+from maipp.typing import Key
 
 
-class LegMemory(NamedTuple):
-    """What an agent remembers from decision to decision."""
-
-    plan: Float[Array, "h 2"]  # what is left of its last plan: displacements, units of a leg
-    heard: Announcement  # last heard from each agent, leading axis m
-
-
-def first_memory(horizon: int, agents: int) -> LegMemory:
-    """The memory of an agent that has not planned yet."""
-    nothing = nothing_announced(horizon)
-    heard = jax.tree.map(lambda a: jnp.broadcast_to(a, (agents, *a.shape)), nothing)
-    return LegMemory(jnp.zeros((horizon, 2)).at[:, 0].set(1.0), heard)
-
-
-class RecedingHorizon(LegPlanner):
+class RecedingHorizon(Planner):
     """The next `horizon` legs, one measurement each, with the lowest expected Tr(P); travel one leg, plan again.
 
     A leg may bend once, so that the next measurement may lie nearer than the way to it is long.
@@ -37,46 +18,43 @@ class RecedingHorizon(LegPlanner):
     `joint=True` it plans the legs of the whole team together, for comparison: not a method for the field.
     """
 
+    search: PlanSearch = part(PlanSearch)
     joint: bool = option(False, meaning="plan all agents' legs together")
     sweeps: int = option(2, meaning="joint: times each agent's plan is optimised given the others'")
 
+    avoids_obstacles = True
+
     def check(self) -> None:
         """Raise InputError for options out of range."""
-        super().check()
         if self.sweeps < 1:
             raise InputError(f"sweeps={self.sweeps}: give a whole number >= 1")
 
+    @property
+    def waypoints_per_decision(self) -> int:
+        """Those of a leg."""
+        return self.search.waypoints
+
     def empty_message(self) -> PyTree:
         """The announced legs; in joint form with what the others need to plan for the sender."""
-        announced = nothing_announced(self.legs)
+        announced = nothing_announced(self.search.legs)
         return nothing_planned(announced) if self.joint else announced
 
     def initial_memory(self) -> PyTree:
         """The last plan, and nothing heard."""
-        return first_memory(self.legs, self.scenario.agents)
+        return self.search.first_memory()
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The first leg of the best plan found."""
-        heard, ahead = memory.heard, self.ahead(observation)
+        search, heard, ahead = self.search, memory.heard, self.search.ahead(observation)
         if self.joint:
-            plan = plan_team(self, self.sweeps, key, observation, memory.plan, ahead)
+            plan = plan_team(search, self.sweeps, key, observation, memory.plan, ahead)
             belief = with_announced(observation, observation.messages.legs, self.scenario.virtual_value)
+            outlook = search.outlook(observation, belief, ahead)
         else:
-            heard = latest(observation.heard, observation.messages, heard)
-            belief = with_announced(observation, heard, self.scenario.virtual_value, self.recall)
-            plan = self.plan_legs(
-                key,
-                belief,
-                observation.inside,
-                observation.position,
-                memory.plan,
-                ahead.steps,
-                ahead.affordable,
-                observation.belief.variance,
-                meeting=self.meeting(observation),
-                remaining=observation.remaining,
-            ).best
-        way, message, left = self.set_out(observation, belief, plan, ahead)
+            belief, heard = search.counted(observation, heard)
+            outlook = search.outlook(observation, belief, ahead)
+            plan = search.plan(key, outlook, memory.plan).best
+        way, message, left = search.set_out(observation, outlook, plan, ahead)
         if self.joint:
             message = TeamPlan(message, observation.remaining - ahead.steps[0])
         return Decision(way, message, LegMemory(left, heard))

@@ -1,5 +1,6 @@
 """Planners by name: one line each, imported only when used."""
 
+import dataclasses
 import hashlib
 import importlib
 import importlib.util
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from maipp.errors import InputError
+from maipp.extensions import PLANNERS, extension, extensions
 from maipp.planners.options import options_of, read_options
 from maipp.records import Field, unknown
 from maipp.scenario import Scenario
@@ -69,14 +71,15 @@ register(
 
 
 def planner_names() -> tuple[str, ...]:
-    """The names of all registered planners, in the order they were registered."""
-    return tuple(_REGISTERED)
+    """The names of all planners: those registered, in that order, then those of other installed packages."""
+    return (*_REGISTERED, *(name for name in extensions(PLANNERS) if name not in _REGISTERED))
 
 
 def find_planner(name: str | type) -> Registered:
     """The planner of that name, or the unnamed one that `path/to/file.py:Class` or `package.module:Class` points to.
 
-    A class stands for itself.
+    A class stands for itself; a name is one that was registered, or that an installed package brings as an entry point
+    of `maipp.planners`.
 
     Raises `InputError` for an unknown name; that a target exists is only known once it is imported.
     """
@@ -86,7 +89,10 @@ def find_planner(name: str | type) -> Registered:
         return _REGISTERED[name]
     if ":" in name:
         return Registered(name, name, "", {})
-    raise InputError(f"{unknown('planner', name, list(_REGISTERED))}, or path/to/file.py:ClassName")
+    brought = extension(PLANNERS, name, f"planner {name}")
+    if brought is not None:
+        return Registered(name, brought, "", {})
+    raise InputError(f"{unknown('planner', name, list(planner_names()))}, or path/to/file.py:ClassName")
 
 
 def planner_class(name: str | type) -> "type[maipp.engine.decision.Planner]":
@@ -123,15 +129,15 @@ def make_planner(
     found = find_planner(name)
     where = f"planner {found.name}"
     values = read_options(kind, options or {}, found.presets, where=where)
+    own = {field.name for field in dataclasses.fields(kind)}
     try:
-        inspect.signature(kind).bind(scenario, **values)
+        inspect.signature(kind).bind(scenario, **{key: value for key, value in values.items() if key in own})
     except TypeError as error:  # fields that are no options, without defaults
         raise InputError(f"{where}: {error}; give the field a default, or make it an option") from None
     try:
-        planner = kind(scenario, **values)
-        check = getattr(planner, "check", None)
-        if check is not None:
-            check()
+        planner = kind.of(scenario, **values)
+        for each in (*planner.parts, planner):
+            getattr(each, "check", bool)()
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return planner

@@ -5,42 +5,49 @@ Source: Cao et al. 2022 (CAtNIPP); Yang et al. 2023, Sec. V (sequential greedy a
 
 from typing import Literal
 
-import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.engine.decision import Decision, Observation, PyTree, option
-from maipp.planners.policy_planner import Choice, PolicyPlanner
-from maipp.planners.roadmap_step import roadmap_of
-from maipp.planners.told import count_targets, no_target
+from maipp.engine.decision import Decision, Observation, Planner, PyTree
+from maipp.engine.options import option, part
+from maipp.planners.announced.told import count_targets, no_target
+from maipp.planners.paths.path_sampler import Choice, PathSampler
+from maipp.planners.roadmap.edges import roadmap_of
 from maipp.typing import Key
 
 
-class SgaCatnipp(PolicyPlanner):
+class SgaCatnipp(Planner):
     """Moves by a policy that knows no intents, on a belief in which the announced next nodes count as measured."""
 
-    weights: str = option("sga-catnipp", meaning="shipped weights, a .safetensors file, or untrained")
+    sampler: PathSampler = part(PathSampler, weights="sga-catnipp")
     choose: Literal["likeliest", "sample"] = option("likeliest", meaning="the next node")
+
+    uses_roadmap = True
+    avoids_obstacles = True
 
     def empty_message(self) -> PyTree:
         """The announced next node: position (2,), NaN before the first decision."""
         return no_target()
 
+    def initial_memory(self) -> PyTree:
+        """The network's memory of the executed trajectory."""
+        return self.sampler.policy.initial_memory()
+
     def counted(self, observation: Observation) -> Belief:
         """The due agent's belief with the others' announced next nodes counted as measured."""
         return count_targets(observation, self.scenario.virtual_value)
 
+    def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
+        """The next node, announced."""
+        return self.act(key, observation, memory)[0]
+
     def act(self, key: Key, observation: Observation, memory: PyTree) -> tuple[Decision, Choice]:
-        """The next node, announced, and what a trainer needs to know of the decision."""
+        """The decision, and what a trainer needs to know of it."""
         nodes = jnp.asarray(roadmap_of(observation).nodes)
-        situation = self.situation(observation, self.counted(observation), jnp.zeros(nodes.shape[0], nodes.dtype))
-        insight = self.look(situation, memory)
-        stop = ~insight.view.allowed.any()
-        logits = jnp.where(stop, 0.0, insight.logits)
-        if self.choose == "sample":
-            index = jax.random.categorical(key, logits / self.temperature).astype(jnp.int32)
-        else:
-            index = jnp.argmax(logits).astype(jnp.int32)
+        nobody = jnp.zeros(nodes.shape[0], nodes.dtype)
+        situation = self.sampler.situation(observation, self.counted(observation), nobody)
+        insight = self.sampler.look(situation, memory)
+        index = self.sampler.choose(key, insight, sampled=self.choose == "sample")
         target = nodes[insight.view.neighbours[index]]
-        decision = Decision(target[None], jnp.where(stop, jnp.nan, target), insight.memory, stop)
-        return decision, Choice(situation, insight, memory, index)
+        message = jnp.where(insight.stuck, jnp.nan, target)
+        return Decision(target[None], message, insight.memory, insight.stuck), Choice(situation, insight, memory, index)

@@ -10,7 +10,7 @@ from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.episode import Episode
 from maipp.engine.rollout import run_recorded
 from maipp.errors import InputError
-from maipp.planners.told_record import tells_plans, told_in, whole_message
+from maipp.planners.announced.record import tells_plans, told_in, whole_message
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.team.told import Told

@@ -15,13 +15,13 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from maipp.errors import InputError
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.policy_planner import PolicyPlanner
 from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.policy import PolicyNetwork, network_named
 from maipp.training.config import TrainConfig
 from maipp.training.losses import Sample, sample_loss
 from maipp.training.returns import returns
 from maipp.training.rollout import Environment, Phase, new_environment, roll_out
+from maipp.training.search import PolicyPlanner
 from maipp.training.worlds import Bank, draw_bank, training_scenario
 from maipp.typing import Array, Float, Int, Key
 
@@ -86,8 +86,8 @@ class Learner:
             options = {"paths": config.paths, "steps": config.steps, "share": config.share, "choose": "sample"}
             if phase == "search":
                 options |= {"paths": config.search_paths, "share": "best", "rank": "expected"}
-            return IntentPlanner(self.scenario, network=network, **options)
-        return SgaCatnipp(self.scenario, network=network, choose="sample")
+            return IntentPlanner.of(self.scenario, network=network, **options)
+        return SgaCatnipp.of(self.scenario, network=network, choose="sample")
 
     def initial(self) -> TrainState:
         """The state before the first update, from `config.seed` alone."""

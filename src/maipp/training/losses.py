@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from maipp.planners.policy_planner import log_probability
+from maipp.planners.paths.path_sampler import log_probability
 from maipp.policy import PolicyNetwork, Prepared
 from maipp.training.config import TrainConfig
 from maipp.training.rollout import Phase, Transition

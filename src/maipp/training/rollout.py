@@ -10,11 +10,10 @@ from jax import lax
 from maipp.engine.advance import advance
 from maipp.engine.observe import turn
 from maipp.engine.state import State, reset
-from maipp.planners.policy_planner import PolicyPlanner
 from maipp.policy import Memory
 from maipp.scenario import Scenario
 from maipp.training.config import TrainConfig
-from maipp.training.search import Elites, find_elites
+from maipp.training.search import Elites, PolicyPlanner, find_elites
 from maipp.training.teacher import no_plan, teach
 from maipp.training.worlds import Bank, World, agent_roadmap, draw_world, mission_of
 from maipp.typing import Array, Bool, Float, Index, Int, Key

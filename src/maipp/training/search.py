@@ -12,12 +12,17 @@ from jax import lax
 
 from maipp.belief import to_rank
 from maipp.engine.decision import Observation
-from maipp.planners.policy_paths import virtual_views
-from maipp.planners.policy_planner import Choice, PolicyPlanner
+from maipp.planners.intent import IntentPlanner
+from maipp.planners.paths.path_sampler import Choice
+from maipp.planners.paths.paths import virtual_views
+from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.policy import PolicyNetwork, Prepared
 from maipp.policy.network import Memory
 from maipp.training.config import TrainConfig
 from maipp.typing import Array, Bool, Float, Int, Key
+
+# The planners whose behaviour can be trained.
+PolicyPlanner = IntentPlanner | SgaCatnipp
 
 
 class Elites(NamedTuple):
@@ -38,9 +43,9 @@ def find_elites(
     """The `config.elites` best of `config.search_paths` paths: the planner's own, where it sampled any."""
     situation, paths, scores = choice.situation, choice.paths, choice.scores
     if paths is None or scores is None:
-        paths = planner.sample(key, situation, choice.insight, paths=config.search_paths, steps=config.steps)
+        paths = planner.sampler.sample(key, situation, choice.insight, paths=config.search_paths, steps=config.steps)
         scores = planner.interest.trace(
-            *planner.outcomes(planner.counted(observation), situation, paths), observation.inside
+            *planner.sampler.outcomes(planner.counted(observation), situation, paths), observation.inside
         )
     _, order = lax.top_k(-to_rank(scores), config.elites)
     paths = jax.tree.map(lambda a: a[order], paths)

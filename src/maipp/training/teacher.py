@@ -8,10 +8,11 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.engine.decision import Observation
 from maipp.engine.polyline import along_paths
-from maipp.planners.headings import walk
-from maipp.planners.leg_planner import LegPlanner
 from maipp.planners.lookahead import measurement_offsets
-from maipp.planners.policy_view import PolicyView
+from maipp.planners.paths.view import PolicyView
+from maipp.planners.plane.walks import walk
+from maipp.planners.search.outlook import Outlook
+from maipp.planners.search.plan_search import PlanSearch
 from maipp.problem import ScenarioLike
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float, Key
@@ -57,13 +58,13 @@ def teach(
     Several plans are often all but equally good, and which one is best is an accident of the search: each has a say by
     its value, which spares the policy most of the noise of a single one.
     """
-    planner = LegPlanner(scenario, horizon=_HORIZON, spread=_SPREAD, blur=_BLUR)
+    search = PlanSearch(scenario, horizon=_HORIZON, spread=_SPREAD, blur=_BLUR)
     interval = scenario.measurement_interval
     offsets = measurement_offsets(observation.to_next_measurement, interval, _HORIZON)
     legs = jnp.diff(offsets, prepend=0.0)
     affordable = offsets <= observation.remaining + DISTANCE_TOLERANCE
     where, known = observation.position, observation.belief.variance
-    found = planner.plan_legs(key, belief, observation.inside, where, plan, legs, affordable, known)
+    found = search.plan(key, Outlook(where, legs, affordable, belief, known, observation.inside), plan)
     assert observation.roadmap is not None
     targets = jnp.asarray(observation.roadmap.nodes)[view.neighbours]
     lengths = jnp.asarray(observation.roadmap.distances)[view.node]
