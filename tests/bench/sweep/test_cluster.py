@@ -21,9 +21,9 @@ from maipp.bench.sweep.cluster import _difference
 from maipp.bench.sweep.dealing import Where, run_sweep
 from maipp.cli.main import main
 from maipp.errors import InputError
-from tests.bench.sweep_jobs import HOLD, STARTED, held, started
+from tests.bench.sweep.held_jobs import HOLD, STARTED, held, started
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LIMIT = 120  # seconds for what takes a few on a quiet machine
 
 
@@ -126,7 +126,7 @@ def cluster() -> Iterator[str]:
 
 
 def client(address: str, folder: Path, count: int, *tls: str) -> subprocess.Popen:
-    return start("-c", "from tests.bench.sweep_jobs import main; main()", address, str(folder), str(count), *tls)
+    return start("-c", "from tests.bench.sweep.held_jobs import main; main()", address, str(folder), str(count), *tls)
 
 
 def finished(process: subprocess.Popen) -> str:
