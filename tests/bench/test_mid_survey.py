@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from maipp.bench.mid_survey import under_way, walks
+from maipp.bench.scaling import under_way, walks
 from maipp.engine.observe import turn
 from maipp.planners import make_planner
 from maipp.scenario import Scenario

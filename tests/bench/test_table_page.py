@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maipp.bench.cells import CellResult
+from maipp.bench.cells import CellResult, Line
 from maipp.bench.output import compressed
 from maipp.bench.table_figure import draw_table
 from maipp.bench.table_files import table_csv
 from maipp.bench.table_page import table_page
-from maipp.bench.table_run import Line
 from maipp.bench.tables import TABLES, Sample
 
 GOLDEN = Path(__file__).parent / "golden"

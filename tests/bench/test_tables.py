@@ -2,8 +2,8 @@
 
 import pytest
 
+from maipp.bench.cells import cells
 from maipp.bench.evaluate import evaluate
-from maipp.bench.table_run import cells
 from maipp.bench.tables import TABLES, Sample, best, read_table
 from maipp.errors import InputError
 from maipp.planners import make_planner

@@ -111,6 +111,10 @@ def test_an_interrupt_is_told_and_gone_on_from(tmp_path, capsys, monkeypatch):
         (["--seed", "-1"], "error: --seed: -1 is no seed"),
         (["--processes", "2"], "error: --process-id and --processes: only one is given"),
         (["--workers", "-1"], "error: --workers: -1 is negative"),
+        (["--cluster", "tcp://h:1", "--workers", "2"], "error: --workers: a cluster's workers are told there"),
+        (["--cluster", "nowhere"], "error: --cluster: 'nowhere' is no address of a scheduler; give tcp://HOST:8786"),
+        (["--tls", "keys"], "error: --tls: goes with --cluster tls://"),
+        (["--patience", "0"], "error: --patience: 0 is no time to wait"),
         (["--process-id", "2", "--processes", "2"], "error: --process-id: 2 is none of 2"),
     ],
 )

@@ -17,6 +17,8 @@ from fuzz_journals import JOURNAL_TARGETS
 from fuzz_lines import LINE_TARGETS
 from fuzz_surveys import SURVEY_TARGETS
 
+from maipp.bench.rows import PAPER
+from maipp.bench.tables import TableSpec, read_table
 from maipp.engine.episode_io import read_episode, write_episode
 from maipp.fields.raster_io import load_raster
 from maipp.policy.network import PolicyNetwork
@@ -38,6 +40,16 @@ def _scenario(path: Path) -> Scenario:
     if again != scenario:
         raise Failure(f"read back differently: {again}")
     return scenario
+
+
+def _table(path: Path) -> TableSpec:
+    """Its planners are not tried: they may be any code."""
+    return read_table(path, check=False)
+
+
+def _table_seeds() -> list[bytes]:
+    own = b"columns: {threshold: [0.3, 0.4]}\nrows: [greedy, {planner: sga-rrt, options: {lengths: [0.2, 0.3]}}]\n"
+    return [own, *((PAPER / f"table{number}.yaml").read_bytes() for number in (2, 4))]
 
 
 def _episode(path: Path) -> Any:
@@ -214,6 +226,10 @@ _YAML = (
     b"~",
 )
 _JSON = (b"[]", b"{}", b"null", b"true", b'"x"', b"[[]]", b"1e400", b'{"a": 1, "a": 2}')
+_TABLE = tuple(
+    word.encode()
+    for word in "title scenario columns rows parts printed left_out metric beside reference trials worlds name".split()
+)
 _FIELDS = tuple(name.encode() for name in Scenario.__dataclass_fields__)
 
 TARGETS: dict[str, Target] = {
@@ -222,6 +238,7 @@ TARGETS: dict[str, Target] = {
     "raster-npz": Target(".npz", load_raster, lambda: [_npz(np.savez), _npz(np.savez_compressed)], _NPY),
     "raster-npz-member": Target(".npz", load_raster, lambda: [_npy(_VALUES)], _NPY, pack=_with_coordinates),
     "scenario": Target(".yaml", _scenario, _scenario_seeds, _YAML + _FIELDS, slice=500),
+    "table": Target(".yaml", _table, _table_seeds, _YAML + _FIELDS + _TABLE, slice=300),
     "episode": Target(".json", _episode, _episode_seeds, _JSON, slice=1000),
     "training-config": Target(".yaml", load_config, _config_seeds, _YAML, slice=500),
     "weights-card": Target(".json", _card, lambda: [_weights()[1]], _JSON, slice=100),

@@ -20,10 +20,9 @@ from typing import Any
 
 import tyro
 
-from maipp.bench.cells import CELLS, Cell
+from maipp.bench.cells import CELLS, Cell, cells
 from maipp.bench.sweep.dealing import Where, run_sweep
 from maipp.bench.table_page import quick_sample
-from maipp.bench.table_run import cells
 from maipp.bench.tables import TABLES
 
 STARTS = "starts"  # file of all starts: the cell and the processes

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from maipp.belief import Matern32, condition_near
-from maipp.bench.mid_survey import walks
+from maipp.bench.scaling import walks
 from maipp.engine import Mission, draw_missions
 from maipp.engine.observe import window_reach
 from maipp.engine.score import interest_of

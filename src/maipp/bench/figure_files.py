@@ -9,13 +9,11 @@ from typing import Any
 import jax
 
 from maipp.bench import page
-from maipp.bench.drawing import save_figure
-from maipp.bench.figure_drawings import draw_curves, draw_intents, draw_stability
+from maipp.bench.drawings import draw_curves, draw_intents, draw_stability, save_figure
+from maipp.bench.intents import KINDS, Stability, measure, sampled_paths, stability_table, verdicts
 from maipp.bench.machine import machine, versions
 from maipp.bench.output import compressed, make_folder
 from maipp.bench.rows import Row
-from maipp.bench.sampled_paths import sampled_paths
-from maipp.bench.stability import KINDS, Stability, measure, stability_table, verdicts
 from maipp.bench.tables import TABLES
 from maipp.bench.trace_curves import curves_csv, trace_curve
 from maipp.engine import run_missions

@@ -1,5 +1,6 @@
 """The lines of tables: which planner, with which options, under which name in the paper."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -60,7 +61,8 @@ def read_row(value: Value) -> Row:
         return _named(value, value.value)
     given = value.mapping(("name", "planner", "options", "paper", "trials", "quick", "by_name"))
     planner = value["planner"].fit(str)
-    options = {} if "options" not in value else {str(k): _tuples(v) for k, v in value["options"].mapping().items()}
+    given_options = value["options"].mapping() if "options" in value else {}
+    options = {str(key): _tuples(value["options"].at(str(key), option)) for key, option in given_options.items()}
     name = value["name"].fit(str) if "name" in given else planner.rpartition(":")[2]
     if not name or not all(letter.isalnum() or letter in "-_." for letter in name):
         value.at("name").wrong(f"{name!r} is no word that can be typed; give letters, digits, -, _ and .")
@@ -93,6 +95,10 @@ def check_row(value: Value, row: Row, scenario: Scenario) -> None:
         value.wrong(str(error))
 
 
-def _tuples(value: Any) -> Any:
+def _tuples(value: Value) -> Any:
     """Lists as tuples, which options are."""
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+    if isinstance(value.value, list):
+        return tuple(map(_tuples, value.items()))
+    if isinstance(value.value, float) and not math.isfinite(value.value):
+        value.unfit("a finite number")
+    return value.value

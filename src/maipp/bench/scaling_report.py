@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from maipp.bench.belief_error import BeliefError
-from maipp.bench.drawing import save_figure
+from maipp.bench.drawings import save_figure
 from maipp.bench.machine import machine, versions
 from maipp.bench.output import csv_text
 from maipp.bench.page import made_on

@@ -12,13 +12,12 @@ from pathlib import Path
 
 import tyro
 
-from maipp.bench.cells import Cell
+from maipp.bench.cells import Cell, Line, cells, fill, read
 from maipp.bench.evaluate import check_counts
 from maipp.bench.output import csv_text
 from maipp.bench.page import shown
 from maipp.bench.rows import Row
 from maipp.bench.table_page import made_on
-from maipp.bench.table_run import Line, cells, fill, read
 from maipp.bench.tables import WORLDS, Part, Sample, TableSpec
 from maipp.devices import use_all_cores
 from maipp.errors import InputError

@@ -6,10 +6,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from maipp.bench.drawing import log_scale, put_title
+from maipp.bench.cells import Line
+from maipp.bench.drawings import log_scale, put_title
 from maipp.bench.evaluate import summarise
 from maipp.bench.page import METRICS
-from maipp.bench.table_run import Line
 from maipp.bench.tables import TableSpec
 from maipp.viz.style import AGENT_COLOURS, GREY, MEDIUM, SMALL, add_axes, new_figure
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from maipp.bench.drawing import save_figure
+from maipp.bench.cells import Line, Sample, read
+from maipp.bench.drawings import save_figure
 from maipp.bench.output import compressed, csv_text
 from maipp.bench.table_figure import draw_table
 from maipp.bench.table_page import brief_page, table_page
-from maipp.bench.table_run import Line, Sample, read
 from maipp.bench.tables import TableSpec
 from maipp.errors import InputError
 from maipp.files import write_atomic

@@ -1,6 +1,7 @@
 """Tables as data: which rows, on which missions, beside which printed numbers. The paper's are files like any other."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -160,6 +161,13 @@ def _whole(value: Value, positive: bool) -> int:
     return number
 
 
+def _finite(value: Value) -> float:
+    number = value.fit(float)
+    if not math.isfinite(number):
+        value.unfit("a finite number")
+    return number
+
+
 def _scenario(value: Value, base: Scenario) -> Scenario:
     """The scenario with what the mapping changes."""
     names = [each.name for each in fields_of(Scenario)]
@@ -202,7 +210,7 @@ def _printed(value: Value, columns: Sequence[float]) -> Block:
     block = {}
     for name in value["printed"].mapping():
         pairs = value["printed"][name].items(count=len(columns))
-        numbers = [[number.fit(float) for number in pair.items(count=2)] for pair in pairs]
+        numbers = [[_finite(number) for number in pair.items(count=2)] for pair in pairs]
         block[name] = {column: Printed(*pair) for column, pair in zip(columns, numbers, strict=True)}
     return block
 

@@ -8,12 +8,11 @@ from typing import Annotated, ClassVar
 import tyro
 from rich.console import Console
 
-from maipp.bench.cells import Cell
+from maipp.bench.cells import Cell, cells, fill, share
 from maipp.bench.evaluate import check_counts
 from maipp.bench.sweep.dealing import Where
 from maipp.bench.table_files import write_table
 from maipp.bench.table_page import quick_sample
-from maipp.bench.table_run import cells, fill, share
 from maipp.bench.tables import TABLES, Sample, TableSpec, read_table
 from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.sweep_flags import SweepFlags

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from maipp.bench.sweep.address import read_address, security
 from maipp.bench.sweep.dealing import Where
 from maipp.errors import InputError
 
@@ -36,6 +37,8 @@ class SweepFlags:
         if self.cluster is not None and self.workers is not None:
             raise InputError("--workers: a cluster's workers are told there how many they are; leave --workers out")
         check_patience(self.patience)
+        if self.cluster is not None:
+            security(read_address(self.cluster, "--cluster").scheme, self.tls)
         return Where(self.workers, self.cluster, self.tls, self.patience)
 
 

@@ -124,6 +124,7 @@ class Cluster:
         if now - self._looked >= _LOOK:
             self._looked = now
             self._there = self._workers()
+            self._useful &= self._there  # whoever comes back at the same address may be another
             for seat in self._there - self._useful - self._introduced.keys() - self._refused.keys():
                 # The key is new: what a worker computes with may change while its address stays.
                 key = f"maipp-introduction-{uuid4()}"

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.bench import cells as cells_module
-from maipp.bench.cells import CELLS, Cell
+from maipp.bench.cells import CELLS, Cell, cells, fill, read, share
 from maipp.bench.rows import Row
-from maipp.bench.table_run import cells, fill, read, share
 from maipp.bench.tables import Sample
 from maipp.errors import InputError
 from maipp.problem import shape_of

@@ -5,9 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.bench import stability
-from maipp.bench.intent_history import as_intent, divergences, intents_told
-from maipp.bench.stability import KINDS, Stability, stability_table, verdicts
+from maipp.bench import intents as stability
+from maipp.bench.intents import KINDS, Stability, as_intent, divergences, intents_told, stability_table, verdicts
 from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner
 from maipp.planners.announced.announcement import Announcement

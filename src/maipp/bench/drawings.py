@@ -1,21 +1,24 @@
-"""The pictures of `maipp benchmark figures`, in the look of `maipp.viz`."""
+"""The pictures of benchmarks, in the look of `maipp.viz`."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from maipp.bench.drawing import log_scale, put_title
 from maipp.bench.evaluate import summarise
-from maipp.bench.sampled_paths import SampledPaths
-from maipp.bench.stability import KINDS, Stability
+from maipp.bench.intents import KINDS, SampledPaths, Stability
 from maipp.bench.trace_curves import Curve
+from maipp.files import atomic_path
 from maipp.team import Intent, intent_density
 from maipp.typing import Float
 from maipp.viz.style import (
     AGENT_COLOURS,
     GREY,
+    LARGE,
     MEDIUM,
     SMALL,
     add_axes,
@@ -24,6 +27,28 @@ from maipp.viz.style import (
     halo,
     new_figure,
 )
+
+
+def log_scale(axes: Axes, which: Literal["x", "y"]) -> None:
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    for axis_format in (axis.set_major_formatter, axis.set_minor_formatter):
+        axis_format(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "125" else "")
+    axes.tick_params(which="both", labelsize=SMALL)
+
+
+def put_title(figure: Figure, title: str, left: float, top: float) -> None:
+    """A title, its corner at this place (inches from the upper left one)."""
+    width, height = figure.get_size_inches()
+    figure.text(left / width, 1 - top / height, title, fontsize=LARGE, weight="bold", va="top")
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a picture, whole or not at all. Raises `InputError` where it cannot be written."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary)
+
 
 _LEFT, _BOTTOM, _RIGHT, _TOP, _GAP = 0.7, 0.6, 0.2, 0.6, 0.75  # inches
 _FINE = 120  # points per side that a density is drawn on

@@ -17,15 +17,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.bench.cells import CELLS
+from maipp.bench.cells import CELLS, cells, fill
 from maipp.bench.rows import Row
 from maipp.bench.sweep import local
 from maipp.bench.sweep.dealing import Where, choose, run_sweep
 from maipp.bench.sweep.local import MOST_DEATHS, default_workers, pinned_cores
-from maipp.bench.table_run import cells, fill
 from maipp.bench.tables import Sample
 from maipp.errors import InputError
-from tests.bench.sweep_jobs import Held, held, started
+from tests.bench.sweep.held_jobs import Held, held, started
 
 SAMPLE = Sample(instances=2, trials=2, seed=3)
 ONE, TWO = Where(workers=1), Where(workers=2)

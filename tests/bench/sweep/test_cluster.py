@@ -3,6 +3,7 @@
 Everything is a process of its own with a limit of time: a stuck cluster fails these tests and does not hang them.
 """
 
+import json
 import os
 import signal
 import socket
@@ -16,14 +17,15 @@ from pathlib import Path
 
 import pytest
 
+from maipp.bench.cells import CELLS
 from maipp.bench.sweep.address import read_address, security
 from maipp.bench.sweep.cluster import _difference
 from maipp.bench.sweep.dealing import Where, run_sweep
 from maipp.cli.main import main
 from maipp.errors import InputError
-from tests.bench.sweep_jobs import HOLD, STARTED, held, started
+from tests.bench.sweep.held_jobs import HOLD, STARTED, held, started
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LIMIT = 120  # seconds for what takes a few on a quiet machine
 
 
@@ -77,8 +79,8 @@ def test_certificates_are_asked_for_by_their_names(tmp_path):
         security("tcp", tmp_path)
 
 
-def start(*words: str) -> subprocess.Popen:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src"), *sys.path])}
+def start(*words: str, **more: str) -> subprocess.Popen:
+    environment = os.environ | more | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src"), *sys.path])}
     return subprocess.Popen([sys.executable, *words], env=environment, cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
@@ -105,9 +107,9 @@ def scheduler(*words: str) -> tuple[subprocess.Popen, str]:
     return process, address
 
 
-def workers(address: str, *words: str) -> subprocess.Popen:
-    """One worker, once it works."""
-    process = start("-m", "maipp", "worker", address, "--workers", "1", *words)
+def workers(address: str, *words: str, **more: str) -> subprocess.Popen:
+    """One worker, once it works; `more` is of its environment."""
+    process = start("-m", "maipp", "worker", address, "--workers", "1", *words, **more)
     assert process.stderr is not None and "1 workers for" in process.stderr.readline()
     return process
 
@@ -126,7 +128,7 @@ def cluster() -> Iterator[str]:
 
 
 def client(address: str, folder: Path, count: int, *tls: str) -> subprocess.Popen:
-    return start("-c", "from tests.bench.sweep_jobs import main; main()", address, str(folder), str(count), *tls)
+    return start("-c", "from tests.bench.sweep.held_jobs import main; main()", address, str(folder), str(count), *tls)
 
 
 def finished(process: subprocess.Popen) -> str:
@@ -159,6 +161,27 @@ COUNT = 6
 
 def kept(folder: Path) -> dict[str, int]:
     return {job.key: int((folder / job.key).read_text()) for job in held(COUNT, folder) if (folder / job.key).exists()}
+
+
+TABLE = """
+scenario: {agents: 2, grid: 8, nodes: 12, neighbours: 4, measurement_interval: 1}
+columns: {budget: [2, 3]}
+rows: [random, greedy]
+instances: 2
+trials: 2
+"""
+
+
+@pytest.mark.slow
+def test_a_table_is_that_of_processes_of_this_machine_to_the_last_digit(cluster, tmp_path):
+    (tmp_path / "own.yaml").write_text(TABLE, encoding="utf-8")
+    made = []
+    for name, where in (("cluster", ["--cluster", cluster]), ("here", ["--workers", "2"])):
+        out = tmp_path / name
+        said = finished(start("-m", "maipp", "benchmark", str(tmp_path / "own.yaml"), "--out", str(out), *where))
+        assert "4 cells: 4 computed" in said
+        made.append({path.name: json.loads(path.read_text())["values"] for path in (out / CELLS).iterdir()})
+    assert made[0] == made[1] and len(made[0]) == 4
 
 
 @pytest.mark.slow
@@ -224,6 +247,12 @@ def test_nobody_there_no_workers_and_the_end_of_a_scheduler_are_told(tmp_path, c
         assert main(["scheduler", address]) == 2
         captured = capsys.readouterr().err
         assert captured.startswith(f"error: ADDRESS: {address}: cannot listen there: ") and captured.count("\n") == 1
+        other = workers(address, JAX_ENABLE_X64="1")
+        assert main([*table, "--cluster", address]) == 2
+        end(other)
+        note, error = capsys.readouterr().err.splitlines()
+        assert "is refused: its precision is float64, here it is float32; give both the same" in note
+        assert error.startswith(f"error: --cluster: no worker at {address} for 1 s; worker tcp://127.0.0.1:")
         working = workers(address)
         (tmp_path / HOLD).touch()
         running = client(address, tmp_path, 2)
