@@ -7,7 +7,6 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
@@ -126,7 +125,7 @@ def _unknown_command(name: str) -> str:
 
 def prepare_jax() -> None:
     """Make JAX use every core and keep compiled programs between runs; must run before JAX is used."""
-    from maipp.devices import use_all_cores
+    from maipp.devices import cache_folder, use_all_cores
 
     folder = cache_folder()
     # JAX reads both when it is imported; what the user has set for JAX itself wins.
@@ -134,18 +133,6 @@ def prepare_jax() -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")  # quicker to compile than to read
     use_all_cores()
-
-
-def cache_folder() -> Path | None:
-    """Where compiled programs are kept: `MAIPP_CACHE` (None if it is empty), else below the user's cache folder."""
-    chosen = os.environ.get("MAIPP_CACHE")
-    if chosen is not None:
-        return Path(chosen) if chosen else None
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "maipp"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "maipp" / "Cache"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "maipp"
 
 
 if __name__ == "__main__":

@@ -65,14 +65,15 @@ class Mission(eqx.Module):
 _START_DRAWS = 256
 
 
-def _instance_keys(key: Key, instances: int) -> Keys:
+def _instance_keys(key: Key, first: Index, instances: int) -> Keys:
     """One key per instance; instance i of a seed is the same world whatever the number of instances."""
-    return jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(instances))
+    return jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(instances))
 
 
 @partial(jax.jit, static_argnames=("points", "components", "instances"))
 def _draw_worlds(
     key: Key,
+    first: Index,
     field: Any,
     extent: Float[Array, "2"],
     variance: Float[Array, "2"],
@@ -92,7 +93,7 @@ def _draw_worlds(
             )
         return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
 
-    return grid, *jax.vmap(world)(_instance_keys(key, instances))
+    return grid, *jax.vmap(world)(_instance_keys(key, first, instances))
 
 
 def _free_start(
@@ -113,6 +114,7 @@ def draw_missions(
     *,
     seed: int,
     instances: int,
+    first: int = 0,
     trials: int = 1,
     planner: Planner | None = None,
     roadmaps: bool = True,
@@ -122,7 +124,7 @@ def draw_missions(
     prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
     shape: Shape | None = None,
 ) -> Mission:
-    """A batch of `instances * trials` missions, instance slowest.
+    """A batch of `instances * trials` missions, instance slowest, from instance `first` on.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
     planners meet the same worlds. What `planner` needs is drawn; without one, `roadmaps` that carry a spectral encoding
@@ -142,7 +144,7 @@ def draw_missions(
     real = jnp.result_type(float)
     numbers = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
     sizes = {"points": scenario.grid, "components": scenario.mixture_components, "instances": instances}
-    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), field, *numbers, **sizes))
+    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), jnp.int32(first), field, *numbers, **sizes))
     grid, fields, truth, draws = drawn
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:
@@ -168,7 +170,7 @@ def draw_missions(
         truth=each(truth),
         inside=every(inside),
         start=each(starts),
-        roadmap=_draw_roadmaps(scenario, seed, starts, trials, encodings) if roadmaps else None,
+        roadmap=_draw_roadmaps(scenario, seed, first, starts, trials, encodings) if roadmaps else None,
         home=_homes(scenario, starts, trials) if scenario.homes else None,
         **{name: every(array) for name, array in samples.items()},
     )
@@ -199,13 +201,13 @@ def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario
 
 
 def _draw_roadmaps(
-    scenario: Scenario, seed: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
+    scenario: Scenario, seed: int, first: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
 ) -> Roadmap:
     """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
 
     def team(instance: int, trial: int) -> Roadmap:
         roadmap = sample_roadmaps(
-            np.random.default_rng([seed, instance, trial]),
+            np.random.default_rng([seed, first + instance, trial]),
             # Through the device's precision, so that node 0 is exactly where the agent starts.
             starts[instance].astype(jnp.result_type(float)),
             nodes=scenario.nodes,
