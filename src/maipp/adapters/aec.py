@@ -19,7 +19,7 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Draw a new world and give the turn to the first agent; a seed also decides the worlds that follow."""
-        mission = self._fresh(seed, options)
+        self._fresh(seed, options)
         self.agents = self.possible_agents[:]
         self.rewards = dict.fromkeys(self.agents, 0.0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
@@ -27,8 +27,7 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         self.truncations = dict.fromkeys(self.agents, False)
         self._decided = [0] * self.scenario.agents
         self._sights: dict[str, Sight] = {}
-        state, rows = first(self._rules, mission)
-        self._keep(state)
+        self._now, rows = first(self._rules, self._kinds, self._world)
         self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
         self._turn(rows)
         self._render_if_watched()
@@ -61,7 +60,7 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
             self._decided[self._index[agent]] += 1
             self._cumulative_rewards[agent] = 0.0
             self._clear_rewards()
-        self._leaves, rows = play(self._rules, self._kinds, self._leaves, self._params, choice, np.bool_(over))
+        self._now, rows = play(self._rules, self._kinds, self._now, self._world, choice, np.bool_(over))
         if self.agents:
             self._turn(rows)
         self._render_if_watched()
@@ -83,5 +82,5 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         over = self.terminations.get(agent, True) or self.truncations.get(agent, True)
         if sight is None or not (agent == self.agent_selection or over):
             index = np.int32(self._index[agent])
-            sight = told(glance(self._rules, self._kinds, self._leaves, self._params, index), self._size)
+            sight = told(glance(self._rules, self._kinds, self._now, self._world, index), self._size)
         return self._observation(sight, self._mask(agent))

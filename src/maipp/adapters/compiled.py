@@ -10,15 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.adapters.packed import Packed, Packing
 from maipp.engine.mission import Mission
 from maipp.engine.reward import final_reward
 from maipp.environments.environment import Environment, EnvState, Info
 from maipp.environments.together import Seen, act, look, look_all
 from maipp.environments.view import Graph
 from maipp.environments.whole import whole_state
+from maipp.problem import Shape
 
 # Numbers behind the vector and the mask of each row that comes back.
-NUMBERS = ("agent", "time", "remaining", "trace", "gained", "final", "ended", "truncated", "replaced", "due")
+NUMBERS = ("agent", "time", "remaining", "trace", "gained", "final", "ended", "truncated", "replaced", "due", "last")
 
 
 class Sight(NamedTuple):
@@ -37,6 +39,7 @@ class Sight(NamedTuple):
     truncated: bool  # it ended for want of room
     replaced: bool
     due: bool
+    last: bool  # nobody else of its team is left
 
     @property
     def end(self) -> bool:
@@ -44,13 +47,14 @@ class Sight(NamedTuple):
         return self.ended or self.truncated
 
 
-Leaves = tuple[Any, ...]
 Rows = tuple[Any, Graph | None]
 
 
 def _row(vector: Any, allowed: Any, *numbers: Any) -> Any:
     real = jnp.result_type(float)
-    return jnp.concatenate([vector.astype(real), allowed.astype(real), jnp.stack([jnp.asarray(n, real) for n in numbers])])
+    return jnp.concatenate(
+        [vector.astype(real), allowed.astype(real), jnp.stack([jnp.asarray(n, real) for n in numbers])]
+    )
 
 
 def _of_turn(rules: Environment, seen: Any, gained: Any, info: Info) -> Rows:
@@ -58,7 +62,8 @@ def _of_turn(rules: Environment, seen: Any, gained: Any, info: Info) -> Rows:
     allowed = seen.action_mask & ~info.ended
     ended = info.ended & ~info.truncated
     final = final_reward(rules.reward, info.trace)
-    numbers = info.agent, info.time, info.remaining, info.trace, gained, final, ended, info.truncated, info.replaced, 1
+    flags = ended, info.truncated, info.replaced, True, info.last
+    numbers = info.agent, info.time, info.remaining, info.trace, gained, final, *flags
     return _row(seen.vector, allowed, *numbers), seen.graph
 
 
@@ -69,59 +74,99 @@ def _of_seen(rules: Environment, agent: Any, seen: Seen, replaced: Any) -> Rows:
     ended, truncated = stuck & ~seen.full, stuck & seen.full
     gained = seen.gained + jnp.where(ended, final, 0.0)
     vector = jnp.concatenate([part.ravel() for part in (view.own, view.team, view.candidates)])
-    numbers = agent, seen.time, view.remaining, view.trace, gained, final, ended, truncated, replaced, seen.due
+    flags = ended, truncated, replaced, seen.due, False
+    numbers = agent, seen.time, view.remaining, view.trace, gained, final, *flags
     return _row(vector, view.allowed, *numbers), view.graph
 
 
-def _opened(kinds: Any, leaves: Leaves, params: Leaves) -> tuple[EnvState, Mission]:
-    return jax.tree.unflatten(kinds[0], leaves), jax.tree.unflatten(kinds[1], params)
+class Kinds(NamedTuple):
+    """What the packed world and survey are; hashable."""
+
+    shape: Shape
+    world: Packing  # of the parts of a `Mission` with a leading axis of one
+    survey: Packing  # of an `EnvState` without key and field, which are those of the world
+
+    def params(self, world: Packed) -> Mission:
+        """The world."""
+        return Mission(shape=self.shape, **self.world.unpack(world))
+
+    def open(self, now: Packed, world: Packed) -> tuple[EnvState, Mission]:
+        """State and params."""
+        params = self.params(world)
+        state = self.survey.unpack(now)
+        field = jax.tree.map(lambda a: a[0], params.field)
+        return state._replace(key=jax.random.key(0), field=field), params
+
+    def close(self, state: EnvState) -> Packed:
+        """The state, to be opened again."""
+        return self.survey.pack(_bare(state))
 
 
-@partial(jax.jit, static_argnums=0)
-def first(rules: Environment, params: Mission) -> tuple[EnvState, Rows]:
-    """The only world of the params, when its first agent is due."""
+def _bare(state: EnvState) -> EnvState:
+    return state._replace(key=None, field=None)  # type: ignore[arg-type]
+
+
+def kinds_of(rules: Environment, shape: Shape, parts: dict[str, Any]) -> Kinds:
+    """The kinds of this world, from `mission_parts`, and of surveys in it."""
+
+    def begun(parts: dict[str, Any]) -> EnvState:
+        return _bare(rules.begin(jax.random.key(0), Mission(shape=shape, **parts)))
+
+    return Kinds(shape, Packing.of(parts), Packing.of(jax.eval_shape(begun, parts)))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def first(rules: Environment, kinds: Kinds, world: Packed) -> tuple[Packed, Rows]:
+    """The survey when its first agent is due."""
+    params = kinds.params(world)
     state, seen, info = rules.reset_to(jax.random.key(0), params, jnp.int32(0))
-    return state, _of_turn(rules, seen, jnp.zeros(()), info)
-
-
-@partial(jax.jit, static_argnums=0)
-def before_first(rules: Environment, params: Mission) -> EnvState:
-    """The only world of the params before anybody has seen anything."""
-    return rules.begin(jax.random.key(0), params)
+    return kinds.close(state), _of_turn(rules, seen, jnp.zeros(()), info)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def play(rules: Environment, kinds: Any, leaves: Leaves, params: Leaves, action: Any, stop: Any) -> tuple[Leaves, Rows]:
+def before_first(rules: Environment, kinds: Kinds, world: Packed) -> Packed:
+    """The survey before anybody has seen anything."""
+    return kinds.close(rules.begin(jax.random.key(0), kinds.params(world)))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def play(rules: Environment, kinds: Kinds, now: Packed, world: Packed, action: Any, stop: Any) -> tuple[Packed, Rows]:
     """The due agent acts, or stops; then the next one's turn."""
-    state, mission = _opened(kinds, leaves, params)
-    state, seen, gained, info = rules.step_on(state, action, mission, stop)
-    return tuple(jax.tree.leaves(state)), _of_turn(rules, seen, gained, info)
+    state, params = kinds.open(now, world)
+    state, seen, gained, info = rules.step_on(state, action, params, stop)
+    return kinds.close(state), _of_turn(rules, seen, gained, info)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def glance(rules: Environment, kinds: Any, leaves: Leaves, params: Leaves, agent: Any) -> Rows:
+def glance(rules: Environment, kinds: Kinds, now: Packed, world: Packed, agent: Any) -> Rows:
     """What one agent would see now."""
-    state, mission = _opened(kinds, leaves, params)
-    return _of_seen(rules, agent, look(rules, state, agent, mission), False)
+    state, params = kinds.open(now, world)
+    return _of_seen(rules, agent, look(rules, state, agent, params), False)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def together(
-    rules: Environment, kinds: Any, leaves: Leaves, params: Leaves, actions: Any, acting: Any, stops: Any
-) -> tuple[Leaves, Rows]:
+    rules: Environment, kinds: Kinds, now: Packed, world: Packed, actions: Any, acting: Any, stops: Any
+) -> tuple[Packed, Rows]:
     """Those who act set off or stop; then everybody's row when the next one arrives."""
-    state, mission = _opened(kinds, leaves, params)
-    state, replaced = act(rules, state, actions, acting, stops, mission)
-    state, seen = look_all(rules, state, mission)
-    rows = jax.vmap(partial(_of_seen, rules))(jnp.arange(mission.shape.agents), seen, replaced)
-    return tuple(jax.tree.leaves(state)), rows
+    state, params = kinds.open(now, world)
+    state, replaced = act(rules, state, actions, acting, stops, params)
+    state, seen = look_all(rules, state, params)
+    rows = jax.vmap(partial(_of_seen, rules))(jnp.arange(params.shape.agents), seen, replaced)
+    return kinds.close(state), rows
 
 
 @partial(jax.jit, static_argnums=0)
-def whole(kinds: Any, leaves: Leaves, params: Leaves, time: Any) -> Any:
+def whole(kinds: Kinds, now: Packed, world: Packed, time: Any) -> Any:
     """The global state at this time."""
-    state, mission = _opened(kinds, leaves, params)
-    return whole_state(state, time, mission)
+    state, params = kinds.open(now, world)
+    return whole_state(state, time, params)
+
+
+@partial(jax.jit, static_argnums=0)
+def opened(kinds: Kinds, now: Packed, world: Packed) -> EnvState:
+    """The state in its parts."""
+    return kinds.open(now, world)[0]
 
 
 def told(rows: Rows, size: int, row: int | None = None) -> Sight:

@@ -27,13 +27,13 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Draw a new world; observations and infos of all agents. A seed also decides the worlds that follow."""
-        mission = self._fresh(seed, options)
+        self._fresh(seed, options)
         self.agents = self.possible_agents[:]
         self._cycle = 0
         self._leaving: list[int] = []
         self._over: set[int] = set()
         self._sights: dict[int, Sight] = {}
-        self._keep(before_first(self._rules, mission))
+        self._now = before_first(self._rules, self._kinds, self._world)
         self._advance({}, [])
         self._render_if_watched()
         return self._seen(self.agents)
@@ -48,7 +48,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         acting, stops = np.zeros(m, bool), np.zeros(m, bool)
         stops[stopping] = True
         acting[[*choices, *stopping]] = True
-        self._leaves, rows = together(self._rules, self._kinds, self._leaves, self._params, actions, acting, stops)
+        self._now, rows = together(self._rules, self._kinds, self._now, self._world, actions, acting, stops)
         for index in set(range(m)) - self._over:
             self._sights[index] = told(rows, self._size, index)
         return [sight for index, sight in self._sights.items() if sight.due and index not in self._over]

@@ -7,22 +7,26 @@ import gymnasium
 import jax
 import numpy as np
 
-from maipp.adapters.compiled import Sight, whole
+from maipp.adapters.compiled import Kinds, Sight, kinds_of, opened, whole
+from maipp.adapters.packed import Packed
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import OBSERVATIONS, action_space, as_observation, masked, observation_space
 from maipp.devices import keep_compiled, refuse_fork
 from maipp.engine.episode import Episode
-from maipp.engine.mission import Field, Mission, draw_missions
+from maipp.engine.mission import Field, Mission, mission_parts
 from maipp.engine.score import Metrics, score_missions
 from maipp.engine.state import State
 from maipp.environments.environment import Environment, EnvState
 from maipp.environments.form import MASKED, check_option, local_bounds
 from maipp.environments.whole import whole_bounds
 from maipp.errors import InputError
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
+
+_SUITE = "options"  # what PettingZoo's conformance tests give to every environment's reset, and expect to be taken
 
 _DRAWN_SEEDS = 2**31 - 1  # below this are the seeds of the worlds that follow a given one
 
@@ -31,7 +35,8 @@ class Survey:
     """The part of an environment that does not depend on how agents take turns."""
 
     _extra_moves = 0  # besides those to the neighbours
-    _leaves: tuple[Any, ...] | None = None  # of the state now; None before the first reset
+    _kinds: Kinds | None = None
+    _now: Packed | None = None  # the survey; None before the first reset
 
     def __init__(
         self,
@@ -91,7 +96,7 @@ class Survey:
         """The space of this agent's actions; the same object at every call."""
         return self.action_spaces[agent]
 
-    def _fresh(self, seed: int | None, options: dict[str, Any] | None) -> Mission:
+    def _fresh(self, seed: int | None, options: dict[str, Any] | None) -> None:
         """A new world. Seed s is the first of `draw_missions(scenario, seed=s)`, and decides those that follow.
 
         With `options={"instance": i}` it is instance i of the seed, or of the seed before. Raises InputError for other
@@ -106,20 +111,15 @@ class Survey:
         self._seed = self._seed if seed is None else seed
         roadmaps = self.form.actions == "neighbour"
         which = {"seed": self._seed, "instances": 1, "first": instance or 0}
-        self._missions = draw_missions(self.scenario, **which, roadmaps=roadmaps, field=self._field)
-        leaves, self._params_kind = jax.tree.flatten(self._missions)
-        self._params = tuple(leaves)
+        self._parts = mission_parts(self.scenario, **which, roadmaps=roadmaps, field=self._field)
+        if self._kinds is None:
+            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
+        self._world = self._kinds.world.pack_here(self._parts)
         self._replaced = [False] * self.scenario.agents
-        return self._missions
-
-    def _keep(self, state: EnvState) -> None:
-        """Take a state over, in parts: a compiled call takes longer to find them in it than to start."""
-        leaves, kind = jax.tree.flatten(state)
-        self._leaves, self._kinds = tuple(leaves), (kind, self._params_kind)
 
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
-        if self._leaves is None:
+        if self._now is None:
             raise InputError("no survey yet: call reset() first")
         refuse_fork()
 
@@ -164,23 +164,27 @@ class Survey:
             info["action_mask"] = mask
         return info
 
-    def _now(self) -> EnvState:
+    @property
+    def _state(self) -> EnvState:
+        """The survey now, in its parts."""
         self._check_begun()
-        return jax.tree.unflatten(self._kinds[0], self._leaves)
+        return opened(self._kinds, self._now, self._world)
 
     @property
     def _time(self) -> float:
         """Of the moment that was last told."""
-        return max((sight.time for sight in self._sights.values() if sight.due), default=float(self._now().survey.time))
+        told = [sight.time for sight in self._sights.values() if sight.due]
+        return max(told, default=float(self._state.survey.time))
 
     def state(self) -> np.ndarray:
-        """The global state (`maipp.environments.whole`), for critics that are trained centrally: a `state_space` member."""
+        """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
         self._check_begun()
-        return np.asarray(whole(self._kinds, self._leaves, self._params, np.asarray(self._time)))
+        return np.asarray(whole(self._kinds, self._now, self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
-        return self._missions, jax.tree.map(lambda a: a[None], self._now().survey)
+        missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
+        return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 
     def metrics(self) -> Metrics:
         """Quality of the survey as decided so far; every number has a leading axis of one."""
@@ -198,7 +202,7 @@ class Survey:
             gymnasium.logger.warn("render() does nothing without a render_mode: 'human', 'rgb_array' or 'ansi'")
             return None
         self._check_begun()
-        time = float(self._now().survey.time)
+        time = float(self._state.survey.time)
         if self.render_mode == "ansi":
             return as_text(self.episode(), time)
         if self.render_mode == "rgb_array":
@@ -227,7 +231,7 @@ def _brief(action: Any) -> str:
 def _instance(options: dict[str, Any] | None) -> int | None:
     """The instance asked for. Raises InputError for any other option of a reset."""
     options = options or {}
-    if unknown := sorted(set(options) - {"instance"}):
+    if unknown := sorted(set(options) - {"instance", _SUITE}):
         raise InputError(f"reset options: {', '.join(map(repr, unknown))} unknown; there is 'instance'")
     instance = options.get("instance")
     if instance is not None and (isinstance(instance, bool) or not isinstance(instance, int) or instance < 0):

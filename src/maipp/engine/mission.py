@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import equinox as eqx
@@ -136,6 +136,38 @@ def draw_missions(
     Raises InputError for a seed out of range, where obstacles leave no room, and for prior samples that are not finite
     or do not match.
     """
+    parts = mission_parts(
+        scenario,
+        seed=seed,
+        instances=instances,
+        first=first,
+        trials=trials,
+        planner=planner,
+        roadmaps=roadmaps,
+        encodings=encodings,
+        field=field,
+        prior=prior,
+        prior_noise=prior_noise,
+    )
+    # All at once: array by array takes longer than to draw them.
+    return Mission(shape=shape or shape_of(scenario), **jax.device_put(parts))
+
+
+def mission_parts(
+    scenario: Scenario,
+    *,
+    seed: int,
+    instances: int,
+    first: int = 0,
+    trials: int = 1,
+    planner: Planner | None = None,
+    roadmaps: bool = True,
+    encodings: int = 0,
+    field: Field | None = None,
+    prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
+    prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
+) -> dict[str, Any]:
+    """The arrays of the same, all but the shape, on the host: NumPy under the names of `Mission`."""
     seed = check_seed(seed)
     if planner is not None:
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
@@ -154,17 +186,16 @@ def draw_missions(
     starts = np.broadcast_to(starts, (instances, scenario.agents, 2))
     batch = instances * trials
 
-    def every(array: np.ndarray) -> Array:
+    def every(array: np.ndarray) -> np.ndarray:
         """The same for each mission."""
-        return _device_array(np.broadcast_to(array, (batch, *array.shape)))
+        return np.broadcast_to(array, (batch, *array.shape))
 
-    def each(array: np.ndarray) -> Array:
+    def each(array: np.ndarray) -> np.ndarray:
         """The same for each trial of an instance."""
-        return _device_array(np.repeat(array, trials, axis=0))
+        return np.repeat(array, trials, axis=0)
 
-    return Mission(
-        shape=shape or shape_of(scenario),
-        params=jax.tree.map(lambda array: every(np.asarray(array)), params_of(scenario)),
+    parts = dict(
+        params=jax.tree.map(every, _numbers(scenario, real)),
         field=jax.tree.map(each, fields),
         grid=every(grid),
         truth=each(truth),
@@ -174,6 +205,13 @@ def draw_missions(
         home=_homes(scenario, starts, trials) if scenario.homes else None,
         **{name: every(array) for name, array in samples.items()},
     )
+    return jax.tree.map(_at_precision, parts)
+
+
+@lru_cache(maxsize=64)
+def _numbers(scenario: Scenario, real: np.dtype) -> Params:
+    """The numbers of a scenario on the host; `real` is JAX's precision, with which they are made."""
+    return jax.device_get(params_of(scenario))
 
 
 def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) -> Home:
@@ -183,7 +221,7 @@ def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) 
         home = home_of(scenario.ends_from(each), scenario.obstacles, scenario.extent, scenario.grid)
         _check_home(home, each, scenario)
         rows += [home] * trials
-    return jax.tree.map(lambda *arrays: _device_array(np.stack(arrays)), *rows)
+    return jax.tree.map(lambda *arrays: np.stack([_at_precision(array) for array in arrays]), *rows)
 
 
 def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario) -> None:
@@ -220,9 +258,10 @@ def _draw_roadmaps(
         return dataclasses.replace(roadmap, encoding=laplacian_encoding(roadmap, encodings))
 
     drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
-    return jax.tree.map(lambda *rows: _device_array(np.stack(rows)), *drawn)
+    return jax.tree.map(lambda *rows: _at_precision(np.stack(rows)), *drawn)
 
 
-def _device_array(array: np.ndarray) -> Array:
-    """The array on the device, floating point at JAX's precision."""
-    return jnp.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else None)
+def _at_precision(array: Array | np.ndarray) -> np.ndarray:
+    """The array on the host, floating point at JAX's precision."""
+    array = np.asarray(array)
+    return np.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else array.dtype)

@@ -26,7 +26,7 @@ from maipp.errors import InputError
 from maipp.problem import ScenarioLike
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Float, Index, Int, Key
+from maipp.typing import Array, Bool, Float, Index, Key
 
 FIELDS = ("any", "own")
 
@@ -82,9 +82,9 @@ class Environment:
 
     **Worlds.** Params are a batch of missions, from `params()` or `maipp.draw_missions`. A reset, within the compiled
     step, draws one of them for the start, the roadmaps and the numbers, and one for the field: b missions make b^2
-    worlds (b with `fields="own"`). They are drawn beforehand because roadmaps are made on the host, where no-go zones are
-    polygons, and because under `vmap` every step pays for a reset, whether a world ends or not: to look up a row costs
-    next to nothing, to draw and normalise a mixture as much as the decision itself.
+    worlds (b with `fields="own"`). They are drawn beforehand because roadmaps are made on the host, where no-go zones
+    are polygons, and because under `vmap` every step pays for a reset, whether a world ends or not: to look up a row
+    costs next to nothing, to draw and normalise a mixture as much as the decision itself.
 
     **Turns.** `reward` is that of the agent that is due now for its decision before, and for its end. An agent that
     can go nowhere any more is due a last time (`info.ended`); whatever its action is then, it stops.
@@ -240,10 +240,11 @@ def observation_of(view: View) -> EnvObservation:
 def see(problem: ScenarioLike, observation: Observation, view: str = "local") -> EnvObservation:
     """What a planner's agent sees, as an environment shows it: for planners that ask a policy trained in one.
 
-    `problem` is the planner's `self.scenario`. `action_mask` is all true where the agent can go nowhere.
+    `problem` is the planner's `self.scenario`. `action_mask` is all False where the agent can go nowhere.
     """
     form = Form("waypoint" if observation.roadmap is None else "neighbour", view)
-    return observation_of(view_here(problem, form, observation))
+    here = view_here(problem, form, observation)
+    return observation_of(here)._replace(action_mask=here.allowed)
 
 
 def _graph(n: int, k: int) -> tuple[tuple[tuple[int, ...], Any], ...]:

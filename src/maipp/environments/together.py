@@ -12,9 +12,9 @@ from maipp.engine.observe import hear, knowledge, observe, time_tolerance
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State
 from maipp.environments.environment import Environment, EnvState, mission_of, worth
-from maipp.environments.moves import Action, move, options, sight
+from maipp.environments.moves import move, options, sight
 from maipp.environments.view import View
-from maipp.typing import Array, Bool, Float, Index
+from maipp.typing import Array, Bool, Float, Index, Int
 
 
 class Seen(NamedTuple):
@@ -63,7 +63,7 @@ def look_all(env: Environment, state: EnvState, params: Mission) -> tuple[EnvSta
 def act(
     env: Environment,
     state: EnvState,
-    actions: Action,
+    actions: Int[Array, " m"] | Float[Array, "m 2"],
     acting: Bool[Array, " m"],
     stops: Bool[Array, " m"],
     params: Mission,
@@ -78,7 +78,9 @@ def act(
         survey, replaced = so_far
         now = dataclasses.replace(survey, time=jnp.maximum(survey.time, survey.arrival[agent]))
         heard, _ = hear(mission, now, agent)
-        moved = move(env.form, mission, env.roadmap(params, state.row, agent), heard, agent, actions[agent], stops[agent])
+        moved = move(
+            env.form, mission, env.roadmap(params, state.row, agent), heard, agent, actions[agent], stops[agent]
+        )
         after = jax.tree.map(lambda new, old: jnp.where(acting[agent], new, old), moved.state, survey)
         return after, put(replaced, agent, moved.replaced, acting[agent])
 

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from maipp.environments.form import MEAN_LIMIT, Form, columns
 from maipp.belief import Belief
 from maipp.engine.decision import Observation
 from maipp.engine.score import interest_of
+from maipp.environments.form import MEAN_LIMIT, Form, columns
 from maipp.policy import node_features
 from maipp.problem import ScenarioLike, longest_side
 from maipp.roadmap import SHORTEST_LEG, Roadmap, edges_from, nearest_node
@@ -61,7 +61,9 @@ def candidates_from(
     return here.targets, here.allowed
 
 
-def announced_near(problem: ScenarioLike, targets: Float[Array, "m 2"], told: Bool[Array, " m"], points: Points) -> Vector:
+def announced_near(
+    problem: ScenarioLike, targets: Float[Array, "m 2"], told: Bool[Array, " m"], points: Points
+) -> Vector:
     """How near each point is to the nearest announced target, in (0, 1], 1 at the target; 0 where none is told.
 
     A Gaussian whose standard deviation is the measurement interval: within that an agent measures on its way there.

@@ -39,8 +39,12 @@ def whole_state(state: EnvState, time: Float[Array, ""], params: Mission) -> Flo
 
 def whole_bounds(scenario: Scenario) -> Block:
     """Bounds of the global state, float32."""
-    points, rows = scenario.grid_points, scenario.agents * len(AGENT)
-    spread = scenario.signal_variance**0.5
-    low = np.concatenate([np.zeros(rows), np.full(points, -MEAN_LIMIT), np.zeros(points), np.full(points, -MEAN_LIMIT)])
-    high = np.concatenate([np.ones(rows), np.full(points, MEAN_LIMIT), np.full(points, spread), np.full(points, MEAN_LIMIT)])
-    return Block(low.astype(np.float32), high.astype(np.float32))
+    points, spread = scenario.grid_points, scenario.signal_variance**0.5
+    agents, value, std = (
+        (scenario.agents * len(AGENT), 0.0, 1.0),
+        (points, -MEAN_LIMIT, MEAN_LIMIT),
+        (points, 0.0, spread),
+    )
+    rows = agents, value, std, value
+    low, high = (np.concatenate([np.full(row[0], row[side]) for row in rows]).astype(np.float32) for side in (1, 2))
+    return Block(low, high)
