@@ -118,6 +118,7 @@ class SurveyVectorEnv(VectorEnv):
         check_option("observations", observations, OBSERVATIONS)
         self.environment = Environment(scenario, actions=actions, reward=reward)
         form, k = self.environment.form, scenario.neighbours
+        self.autoreset_mode = self.metadata["autoreset_mode"]  # where some libraries look for it
         self.num_envs, self._worlds, self._observations = num_envs, worlds, observations
         self.single_action_space = action_space(scenario, form, k)
         self.single_observation_space = observation_space(scenario, form, k, observations)
