@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from maipp.benchmarks.evaluate import evaluate
-    from maipp.devices import use_all_cores
+    from maipp.devices import keep_compiled, use_all_cores
     from maipp.engine.mission import draw_missions
     from maipp.engine.rollout import run_missions
     from maipp.engine.score import score_missions
+    from maipp.environments.environment import Environment
     from maipp.live.survey import LiveSurvey
     from maipp.planners.registry import make_planner, register
     from maipp.policy.shipped import load_policy
@@ -22,10 +23,12 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "Environment": "maipp.environments.environment",
     "LiveSurvey": "maipp.live.survey",
     "Scenario": "maipp.scenario",
     "draw_missions": "maipp.engine.mission",
     "evaluate": "maipp.benchmarks.evaluate",
+    "keep_compiled": "maipp.devices",
     "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
     "make_planner": "maipp.planners.registry",
@@ -36,11 +39,13 @@ _MODULES = {
 }
 
 __all__ = [
+    "Environment",
     "LiveSurvey",
     "Scenario",
     "__version__",
     "draw_missions",
     "evaluate",
+    "keep_compiled",
     "load_policy",
     "load_scenario",
     "make_planner",

@@ -1,6 +1,6 @@
 """Stable-Baselines3 on a team that acts in turns: PPO, or MaskablePPO of sb3-contrib, which never asks what is masked.
 
-    pip install 'maipp[rl]' stable-baselines3 sb3-contrib
+pip install 'maipp[rl]' stable-baselines3 sb3-contrib
 """
 
 import argparse
@@ -54,7 +54,9 @@ def main() -> None:
     before = score(model, SCENARIO, 20, arguments.masked)
     model.learn(arguments.decisions)
     gain = before - score(model, SCENARIO, 20, arguments.masked)
-    print(f"Tr(P) {before.mean():.1f} before, {gain.mean():.1f} ± {gain.std(ddof=1) / 20**0.5:.1f} less after, in pairs")
+    print(
+        f"Tr(P) {before.mean():.1f} before, {gain.mean():.1f} ± {gain.std(ddof=1) / 20**0.5:.1f} less after, in pairs"
+    )
 
 
 if __name__ == "__main__":

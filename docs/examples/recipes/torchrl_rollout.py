@@ -1,6 +1,6 @@
 """TorchRL on surveys: the specs checked, and a rollout of a team in turns and of robots in parallel.
 
-    pip install 'maipp[rl]' torchrl
+pip install 'maipp[rl]' torchrl
 """
 
 from torchrl.envs import GymWrapper, PettingZooWrapper

@@ -3,6 +3,7 @@
 Whoever learns is the team: an observation is that of the robot that is due, a reward that of whose turn it becomes.
 """
 
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -15,11 +16,13 @@ from maipp.adapters.compiled import Sight, first, play, told
 from maipp.adapters.spaces import OBSERVATIONS, action_space, masked, observation_space
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.devices import keep_compiled, refuse_fork
+from maipp.engine.mission import Mission
 from maipp.environments.environment import Environment, EnvObservation, Info
 from maipp.environments.form import check_option
 from maipp.errors import InputError
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
+from maipp.typing import Keys
 
 
 class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare what the other defines
@@ -88,6 +91,16 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         return self._sight.allowed | (not self._sight.allowed.any())
 
 
+@partial(jax.jit, static_argnums=0)
+def _reset(environment: Environment, keys: Keys, params: Mission) -> Any:
+    return jax.vmap(environment.reset, in_axes=(0, None))(keys, params)
+
+
+@partial(jax.jit, static_argnums=0)
+def _step(environment: Environment, states: Any, actions: Any, params: Mission) -> Any:
+    return jax.vmap(environment.step, in_axes=(0, 0, None))(states, actions, params)
+
+
 class SurveyVectorEnv(VectorEnv):
     """W worlds in one compiled program, on one core or one accelerator.
 
@@ -126,8 +139,6 @@ class SurveyVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._params: Any = None
         keep_compiled()
-        self._reset = jax.jit(jax.vmap(self.environment.reset, in_axes=(0, None)))
-        self._step = jax.jit(jax.vmap(self.environment.step, in_axes=(0, 0, None)))
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """New worlds everywhere. A seed decides these and all that follow; there are no options."""
@@ -140,7 +151,7 @@ class SurveyVectorEnv(VectorEnv):
             self._params = self.environment.params(seed=seed, worlds=self._worlds)
             self._key = jax.random.key(seed)
         self._key, key = jax.random.split(self._key)
-        self._state, seen = self._reset(jax.random.split(key, self.num_envs), self._params)
+        self._state, seen = _reset(self.environment, jax.random.split(key, self.num_envs), self._params)
         return self._told(jax.device_get(seen)), {}
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -156,7 +167,7 @@ class SurveyVectorEnv(VectorEnv):
             actions = actions.astype(kind)
         if not self.action_space.contains(actions):
             raise InputError(f"actions of shape {actions.shape}, {actions.dtype}: give a member of {self.action_space}")
-        self._state, seen, rewards, _, info = self._step(self._state, actions, self._params)
+        self._state, seen, rewards, _, info = _step(self.environment, self._state, actions, self._params)
         seen, rewards, info = jax.device_get((seen, rewards, info))
         over, cut = info.last & ~info.truncated, info.last & info.truncated
         return self._told(seen), np.asarray(rewards, np.float64), over, cut, self._info(seen, info)
