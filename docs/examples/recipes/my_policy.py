@@ -8,6 +8,7 @@ from jax_ppo import network
 from maipp.engine import Decision, Planner, option
 from maipp.environments import see
 from maipp.errors import InputError
+from maipp.planners.roadmap_step import roadmap_of
 from maipp.roadmap import nearest_node
 
 
@@ -36,6 +37,6 @@ class MyPolicy(Planner):
         seen = see(self.scenario, observation)
         logits, _ = network(dict(np.load(self.weights)), seen.vector, seen.action_mask)
         choice = jax.random.categorical(key, logits) if self.sample else jnp.argmax(logits)
-        roadmap = observation.roadmap
+        roadmap = roadmap_of(observation)
         target = roadmap.nodes[roadmap.neighbours[nearest_node(roadmap, observation.position), choice]]
         return Decision(target[None], target, memory, stop=~seen.action_mask.any())

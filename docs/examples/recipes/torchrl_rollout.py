@@ -3,6 +3,8 @@
 pip install 'maipp[rl]' torchrl
 """
 
+from typing import Any
+
 from torchrl.envs import GymWrapper, PettingZooWrapper
 from torchrl.envs.utils import check_env_specs
 
@@ -13,7 +15,7 @@ from maipp.adapters.pettingzoo import parallel_env
 SCENARIO = maipp.Scenario(agents=3, budget=2.0, grid=15, nodes=60, neighbours=10)
 
 
-def environments(scenario: maipp.Scenario) -> dict[str, object]:
+def environments(scenario: maipp.Scenario) -> dict[str, Any]:
     """A team as one learner, and robots that learn apart; the masks of the latter are part of what they see."""
     return {
         "team": GymWrapper(SurveyEnv(scenario, observations="box")),

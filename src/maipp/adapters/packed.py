@@ -13,8 +13,8 @@ from maipp.typing import Array, Float, Int
 class Packed(NamedTuple):
     """All numbers of a pytree."""
 
-    reals: Float[Array, " r"]
-    others: Int[Array, " i"]  # whole numbers and truth values, int32
+    reals: Float[Array | np.ndarray, " r"]
+    others: Int[Array | np.ndarray, " i"]  # whole numbers and truth values, int32
 
 
 class Packing(NamedTuple):

@@ -101,6 +101,10 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         observations, infos = self._seen(was)
         return observations, rewards, terminations, truncations, infos
 
+    @property
+    def _time(self) -> float:
+        return max(sight.time for sight in self._sights.values())
+
     def _stays(self, choice: np.ndarray, sight: Sight) -> bool:
         """Whether the choice is a waypoint on the spot, by which an agent ends its survey."""
         if self.form.actions != "waypoint":

@@ -110,8 +110,9 @@ class Survey:
             seed = int(self._seeds.integers(_DRAWN_SEEDS))
         self._seed = self._seed if seed is None else seed
         roadmaps = self.form.actions == "neighbour"
-        which = {"seed": self._seed, "instances": 1, "first": instance or 0}
-        self._parts = mission_parts(self.scenario, **which, roadmaps=roadmaps, field=self._field)
+        self._parts = mission_parts(
+            self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
+        )
         if self._kinds is None:
             self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
         self._world = self._kinds.world.pack_here(self._parts)
@@ -173,8 +174,7 @@ class Survey:
     @property
     def _time(self) -> float:
         """Of the moment that was last told."""
-        told = [sight.time for sight in self._sights.values() if sight.due]
-        return max(told, default=float(self._state.survey.time))
+        return float(self._state.survey.time)
 
     def state(self) -> np.ndarray:
         """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""

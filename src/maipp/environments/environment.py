@@ -14,7 +14,7 @@ from jax import lax
 from maipp.engine.decision import Observation
 from maipp.engine.mission import Field, Mission, draw_missions
 from maipp.engine.observe import turn
-from maipp.engine.reward import final_reward, reward
+from maipp.engine.reward import RewardKind, final_reward, reward
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State
 from maipp.engine.state import reset as begin
@@ -93,7 +93,7 @@ class Environment:
     scenario: Scenario
     actions: str = "neighbour"  # an action is the index of a roadmap neighbour; or "waypoint": (2,) domain units
     view: str = "local"  # or "graph"
-    reward: str = "paper"  # or "log-trace", which sums to that of the whole survey
+    reward: RewardKind = "paper"  # or "log-trace", which sums to that of the whole survey
     fields: str = "any"  # of any of the params' worlds; or "own": of the world that has the start and the roadmaps
 
     def __post_init__(self) -> None:
@@ -113,11 +113,12 @@ class Environment:
         k = self.scenario.neighbours
         bounds = local_bounds(self.scenario)
         vector = jax.ShapeDtypeStruct(bounds.low.shape, jnp.float32)
-        graph = None
+        graph: Any = None
         if self.view == "graph":
-            n = self.scenario.nodes
-            graph = Graph(*(jax.ShapeDtypeStruct(*each) for each in _graph(n, k)))
-        seen = EnvObservation(vector, jax.ShapeDtypeStruct((k,), jnp.bool_), graph)
+            parts: Any = [jax.ShapeDtypeStruct(*each) for each in _graph(self.scenario.nodes, k)]
+            graph = Graph(*parts)
+        leaves: Any = vector, jax.ShapeDtypeStruct((k,), jnp.bool_)
+        seen = EnvObservation(*leaves, graph)
         if self.actions == "neighbour":
             return Specs(k, jax.ShapeDtypeStruct((), jnp.int32), seen, bounds)
         return Specs(0, jax.ShapeDtypeStruct((2,), jnp.result_type(float)), seen, bounds)
@@ -225,7 +226,7 @@ def mission_of(params: Mission, state: EnvState) -> Mission:
     return eqx.tree_at(lambda m: (m.field, m.truth), world, (state.field, truth), is_leaf=lambda x: x is None)
 
 
-def worth(kind: Any, before: Float[Array, ""], trace: Float[Array, ""]) -> Float[Array, ""]:
+def worth(kind: RewardKind, before: Float[Array, ""], trace: Float[Array, ""]) -> Float[Array, ""]:
     """The reward of a decision, from Tr(P) of the agent's own belief then and now; 0 where there was none before."""
     first = jnp.isnan(before)
     return jnp.where(first, 0.0, reward(kind, jnp.where(first, trace, before), trace))

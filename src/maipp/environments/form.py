@@ -1,6 +1,7 @@
 """What an environment's agents do and see: the options, and the layout of the numbers they are given."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, get_args
 
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from maipp.scenario import Scenario
 from maipp.typing import Array, Float
 
 Bounds = tuple[float | Array, float | Array]  # of one column
+Columns = Mapping[str, Bounds]
 
 # Columns of the three blocks of an observation. Lengths are in longest sides of the extent.
 OWN = ("x", "y", "ahead", "left", "remaining", "to_next", "trace", "area")
@@ -69,7 +71,7 @@ def check_form(scenario: Scenario, form: Form) -> None:
         )
 
 
-def columns(problem: ScenarioLike) -> tuple[dict[str, Bounds], dict[str, Bounds], dict[str, Bounds]]:
+def columns(problem: ScenarioLike) -> tuple[Columns, Columns, Columns]:
     """Lowest and highest number of every column of the own, team and candidate blocks."""
     extent = jnp.asarray(problem.extent)
     longest = jnp.max(extent)
@@ -100,7 +102,7 @@ def _shapes(problem: ScenarioLike) -> tuple[tuple[int, ...], ...]:
 def blocks(scenario: Scenario) -> tuple[Block, Block, Block]:
     """Bounds of the own, team and candidate blocks of a local observation, float32."""
 
-    def block(bounds: dict[str, Bounds], shape: tuple[int, ...]) -> Block:
+    def block(bounds: Columns, shape: tuple[int, ...]) -> Block:
         low, high = (np.array([float(column[side]) for column in bounds.values()], np.float32) for side in (0, 1))
         return Block(np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy())
 
