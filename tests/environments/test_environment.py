@@ -111,7 +111,8 @@ def test_what_is_no_neighbour_becomes_the_allowed_one_nearest_to_it(env, params)
 
 
 def test_options_are_told_in_one_line():
-    for options, right in (({"fields": "x"}, "any, own"), ({"view": "x"}, "local, graph"), ({"reward": "x"}, "paper")):
+    wrong: list[tuple[dict[str, Any], str]] = [({"fields": "x"}, "any, own"), ({"view": "x"}, "local, graph")]
+    for options, right in wrong:
         with pytest.raises(InputError, match=right):
             Environment(SMALL, **options)
 

@@ -97,6 +97,7 @@ def aec(scenario: Any, _: int) -> Callable[[], int]:
             env.reset(seed=seed)
             while env.agents:
                 observation, _, terminated, truncated, _ = env.last()
+                assert observation is not None
                 over = terminated or truncated
                 env.step(None if over else int(rng.choice(np.flatnonzero(observation["action_mask"]))))
                 decisions += not over

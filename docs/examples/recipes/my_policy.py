@@ -13,10 +13,9 @@ from maipp.roadmap import nearest_node
 
 
 class MyPolicy(Planner):
-    """The neighbour that the network likes best, or a drawn one."""
+    """The neighbour that the network likes best."""
 
     weights: str = option("policy.npz", meaning="file that jax_ppo.py wrote")
-    sample: bool = option(False, meaning="draw the neighbour instead of taking the likeliest")
 
     uses_roadmap = True
     avoids_obstacles = True
@@ -35,8 +34,7 @@ class MyPolicy(Planner):
     def decide(self, key, observation, memory) -> Decision:
         """One step along the roadmap; the end of the survey where there is none."""
         seen = see(self.scenario, observation)
-        logits, _ = network(dict(np.load(self.weights)), seen.vector, seen.action_mask)
-        choice = jax.random.categorical(key, logits) if self.sample else jnp.argmax(logits)
-        roadmap = roadmap_of(observation)
+        logits, _ = network(dict(np.load(self.weights)), *seen[:2])
+        choice, roadmap = jnp.argmax(logits), roadmap_of(observation)
         target = roadmap.nodes[roadmap.neighbours[nearest_node(roadmap, observation.position), choice]]
         return Decision(target[None], target, memory, stop=~seen.action_mask.any())

@@ -61,7 +61,7 @@ def _of_turn(rules: Environment, seen: Any, gained: Any, info: Info) -> Rows:
     """The due agent's row."""
     allowed = seen.action_mask & ~info.ended
     ended = info.ended & ~info.truncated
-    final = final_reward(rules.reward, info.trace)
+    final = final_reward(rules.kind, info.trace)
     flags = ended, info.truncated, info.replaced, True, info.last
     numbers = info.agent, info.time, info.remaining, info.trace, gained, final, *flags
     return _row(seen.vector, allowed, *numbers), seen.graph
@@ -69,7 +69,7 @@ def _of_turn(rules: Environment, seen: Any, gained: Any, info: Info) -> Rows:
 
 def _of_seen(rules: Environment, agent: Any, seen: Seen, replaced: Any) -> Rows:
     """An agent's row that is due, or is looked at only."""
-    view, final = seen.view, final_reward(rules.reward, seen.view.trace)
+    view, final = seen.view, final_reward(rules.kind, seen.view.trace)
     stuck = ~view.allowed.any() & seen.due
     ended, truncated = stuck & ~seen.full, stuck & seen.full
     gained = seen.gained + jnp.where(ended, final, 0.0)

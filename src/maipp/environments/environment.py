@@ -4,7 +4,7 @@ The team acts in turns: one step is one decision of the agent that is due, which
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -93,7 +93,7 @@ class Environment:
     scenario: Scenario
     actions: str = "neighbour"  # an action is the index of a roadmap neighbour; or "waypoint": (2,) domain units
     view: str = "local"  # or "graph"
-    reward: RewardKind = "paper"  # or "log-trace", which sums to that of the whole survey
+    reward: str = "paper"  # or "log-trace", which sums to that of the whole survey
     fields: str = "any"  # of any of the params' worlds; or "own": of the world that has the start and the roadmaps
 
     def __post_init__(self) -> None:
@@ -108,6 +108,11 @@ class Environment:
         return Form(self.actions, self.view)
 
     @property
+    def kind(self) -> RewardKind:
+        """Which reward it is."""
+        return cast(RewardKind, self.reward)
+
+    @property
     def specs(self) -> Specs:
         """Shapes and bounds of actions and observations."""
         k = self.scenario.neighbours
@@ -117,8 +122,8 @@ class Environment:
         if self.view == "graph":
             parts: Any = [jax.ShapeDtypeStruct(*each) for each in _graph(self.scenario.nodes, k)]
             graph = Graph(*parts)
-        leaves: Any = vector, jax.ShapeDtypeStruct((k,), jnp.bool_)
-        seen = EnvObservation(*leaves, graph)
+        leaves: Any = vector, jax.ShapeDtypeStruct((k,), jnp.bool_), graph
+        seen = EnvObservation(*leaves)
         if self.actions == "neighbour":
             return Specs(k, jax.ShapeDtypeStruct((), jnp.int32), seen, bounds)
         return Specs(0, jax.ShapeDtypeStruct((2,), jnp.result_type(float)), seen, bounds)
@@ -210,8 +215,8 @@ class Environment:
         view = sight(self.form, mission, survey, observation, there)
         ended = ~there.allowed.any()
         truncated = ended & there.full
-        gained = worth(self.reward, pick(state.before, agent), view.trace)
-        gained += jnp.where(ended & ~truncated, final_reward(self.reward, view.trace), 0.0)
+        gained = worth(self.kind, pick(state.before, agent), view.trace)
+        gained += jnp.where(ended & ~truncated, final_reward(self.kind, view.trace), 0.0)
         last = ended & (jnp.sum(survey.active) <= 1)
         info = Info(agent, survey.time, view.remaining, view.trace, ended, truncated, last, jnp.asarray(False))
         before = put(state.before, agent, view.trace, jnp.asarray(True))

@@ -35,7 +35,7 @@ def _now(env: Environment, state: EnvState, mission: Mission, survey: State, age
     observation = dataclasses.replace(observation, roadmap=roadmap)
     there = options(mission, roadmap, survey, agent)
     view = sight(env.form, mission, survey, observation, there)
-    gained = worth(env.reward, pick(state.before, agent), view.trace)
+    gained = worth(env.kind, pick(state.before, agent), view.trace)
     return Seen(view, survey.time, jnp.asarray(True), there.full, gained)
 
 
@@ -74,16 +74,17 @@ def act(
     """
     mission = mission_of(params, state)
 
-    def one(agent: Index, so_far: tuple[State, Array]) -> tuple[State, Array]:
-        survey, replaced = so_far
-        now = dataclasses.replace(survey, time=jnp.maximum(survey.time, survey.arrival[agent]))
+    def one(so_far: tuple[State, Array, Array]) -> tuple[State, Array, Array]:
+        survey, replaced, left = so_far
+        agent = jnp.argmax(left)
+        now = dataclasses.replace(survey, time=jnp.maximum(survey.time, pick(survey.arrival, agent)))
         heard, _ = hear(mission, now, agent)
-        moved = move(
-            env.form, mission, env.roadmap(params, state.row, agent), heard, agent, actions[agent], stops[agent]
-        )
-        after = jax.tree.map(lambda new, old: jnp.where(acting[agent], new, old), moved.state, survey)
-        return after, put(replaced, agent, moved.replaced, acting[agent])
+        roadmap = env.roadmap(params, state.row, agent)
+        moved = move(env.form, mission, roadmap, heard, agent, actions[agent], stops[agent])
+        yes = jnp.asarray(True)
+        return moved.state, put(replaced, agent, moved.replaced, yes), put(left, agent, ~yes, yes)
 
-    nothing = jnp.zeros(params.shape.agents, bool)
-    survey, replaced = lax.fori_loop(0, params.shape.agents, one, (state.survey, nothing))
+    # Seldom more than one: a loop over those that act, not over the team.
+    begun = state.survey, jnp.zeros(params.shape.agents, bool), acting
+    survey, replaced, _ = lax.while_loop(lambda so_far: so_far[2].any(), one, begun)
     return state._replace(survey=survey), replaced
