@@ -173,9 +173,8 @@ def test_options_of_the_environments_are_those_of_the_page():
 
 
 def test_columns_and_bounds_are_those_of_the_page():
-    pytest.importorskip("pettingzoo")
     from maipp import Scenario
-    from maipp.adapters import form
+    from maipp.environments import form
 
     scenario = Scenario(agents=2, budget=2.5)
     table = rows("pettingzoo.md", "| Block | Column", "| Entry of the graph")

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from maipp.belief.posterior import Belief, condition, extend
     from maipp.bench.comparison import compare
     from maipp.bench.evaluate import evaluate
-    from maipp.devices import use_all_cores
+    from maipp.devices import keep_compiled, use_all_cores
     from maipp.engine.decision import Decision, Observation, Planner
     from maipp.engine.episode import Episode
     from maipp.engine.episode_io import read_episode, write_episode
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from maipp.engine.rollout import run_missions
     from maipp.engine.state import State
     from maipp.engine.surveyed import belief_at, trajectories
+    from maipp.environments.environment import Environment
     from maipp.errors import InputError
     from maipp.fields.raster import Raster, read_field
     from maipp.fleet.vehicle import Vehicle
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Belief": "maipp.belief.posterior",
     "Decision": "maipp.engine.decision",
+    "Environment": "maipp.environments.environment",
     "Episode": "maipp.engine.episode",
     "InputError": "maipp.errors",
     "Interest": "maipp.belief.interest",
@@ -62,6 +64,7 @@ _MODULES = {
     "edges_here": "maipp.planners.roadmap.edges",
     "evaluate": "maipp.bench.evaluate",
     "extend": "maipp.belief.posterior",
+    "keep_compiled": "maipp.devices",
     "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
     "load_survey": "maipp.surveys.survey_io",
@@ -84,6 +87,7 @@ _MODULES = {
 __all__ = [
     "Belief",
     "Decision",
+    "Environment",
     "Episode",
     "InputError",
     "Interest",
@@ -106,6 +110,7 @@ __all__ = [
     "edges_here",
     "evaluate",
     "extend",
+    "keep_compiled",
     "load_policy",
     "load_scenario",
     "load_survey",

@@ -2,8 +2,12 @@
 
 import math
 import os
+import sys
+from pathlib import Path
+from typing import Any
 
 from maipp.cgroup import cpu_quota
+from maipp.errors import InputError
 
 # XLA's thread pool has one thread per core. With as many devices as threads all of them can end up waiting for each
 # other (seen with jaxlib 0.10: missions on two devices never returned with two threads, and did with three). Training
@@ -15,6 +19,7 @@ _THREADS_PER_DEVICE, _SPARE_THREADS = 2, 1
 _FLAGS = ("--xla_cpu_multi_thread_eigen=false", "--xla_disable_hlo_passes=cpu-parallel-task-assigner")
 
 _configured = False
+_forked = False  # this process was forked off one in which JAX had started
 
 
 def use_all_cores(cores: int | None = None) -> None:
@@ -80,3 +85,57 @@ def missions_devices() -> list:
 
     devices = jax.local_devices()
     return devices if _configured or devices[0].platform != "cpu" else devices[:1]
+
+
+def cache_folder() -> Path | None:
+    """Where compiled programs are kept: `MAIPP_CACHE` (None if it is empty), else below the user's cache folder."""
+    chosen = os.environ.get("MAIPP_CACHE")
+    if chosen is not None:
+        return Path(chosen) if chosen else None
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "maipp"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "maipp" / "Cache"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "maipp"
+
+
+def keep_compiled() -> None:
+    """Keep compiled programs in `cache_folder` between runs, of this process from now on, and of those that it starts.
+
+    What is set for JAX itself wins. The command line and the environments do so by themselves.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return
+    # JAX reads both when it is imported.
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.5")  # else not worth reading
+    jax: Any = sys.modules.get("jax")
+    if jax is None or jax.config.jax_compilation_cache_dir:
+        return
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    seconds = float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", seconds)
+    from jax.experimental.compilation_cache import compilation_cache
+
+    compilation_cache.reset_cache()  # JAX looks for a folder once, at its first compilation
+
+
+def _note_fork() -> None:
+    """In a child: whether JAX's threads, which no child has, were there already."""
+    global _forked
+    bridge = sys.modules.get("jax._src.xla_bridge")  # JAX itself warns of such a fork by the same question
+    _forked = _forked or bool(bridge and getattr(bridge, "backends_are_initialized", lambda: False)())
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_note_fork)
+
+
+def refuse_fork() -> None:
+    """Raise InputError where this process was forked after JAX had started: whatever it computed would never end."""
+    if _forked:
+        raise InputError(
+            "this process was forked after JAX had started, and would wait for JAX for ever; start workers by "
+            "'spawn' or 'forkserver': multiprocessing.get_context('spawn'), start_method='spawn'"
+        )

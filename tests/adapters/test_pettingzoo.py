@@ -132,5 +132,5 @@ def test_large_seeds_are_worlds_of_their_own(small, make, seed):
     for given in (seed, seed, seed - 2**31):
         env = make(small)
         env.reset(seed=given)
-        starts.append(np.asarray(env.unwrapped._mission.start))
+        starts.append(np.asarray(env.unwrapped.simulator_state()[0].start))
     assert (starts[0] == starts[1]).all() and (starts[0] != starts[2]).any()

@@ -12,7 +12,7 @@ pytest.importorskip("pettingzoo")
 import maipp  # noqa: E402
 import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp import Scenario  # noqa: E402
-from maipp.adapters import moves  # noqa: E402
+from maipp.adapters import compiled as programs  # noqa: E402
 
 surveys: Any = environments  # its observations are arrays or dictionaries, by the options
 SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
@@ -144,7 +144,7 @@ def test_a_seed_gives_the_simulator_s_world_and_those_that_follow():
 
 
 def test_environments_of_one_scenario_share_what_is_compiled():
-    compiled: Any = moves.play
+    compiled: Any = programs.play
     play_aec(surveys.aec_env(SMALL), 1, widest)
     before = compiled._cache_size()
     play_aec(surveys.aec_env(Scenario.from_dict(SMALL.to_dict()), reward="log-trace", max_cycles=3), 2, widest)

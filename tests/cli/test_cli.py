@@ -10,9 +10,9 @@ import pytest
 
 import maipp
 from maipp.cli import evaluate as evaluate_command
-from maipp.cli.compiled import cache_folder
 from maipp.cli.main import COMMANDS, main
 from maipp.cli.options import ScenarioFlags
+from maipp.devices import cache_folder
 from maipp.errors import InputError
 from maipp.planners import planner_names
 from maipp.scenario import Scenario

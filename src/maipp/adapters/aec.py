@@ -2,14 +2,11 @@
 
 from typing import Any
 
-import jax
 import numpy as np
 from pettingzoo import AECEnv
 
-from maipp.adapters.moves import Move, begin, look, play
+from maipp.adapters.compiled import Rows, Sight, first, glance, play, told
 from maipp.adapters.survey import RENDER_MODES, Survey
-from maipp.adapters.view import View
-from maipp.engine.state import State
 
 
 class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the other defines
@@ -22,35 +19,29 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Draw a new world and give the turn to the first agent; a seed also decides the worlds that follow."""
-        mission = self._fresh(seed)
+        self._fresh(seed, options)
         self.agents = self.possible_agents[:]
         self.rewards = dict.fromkeys(self.agents, 0.0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
         self.terminations = dict.fromkeys(self.agents, False)
         self.truncations = dict.fromkeys(self.agents, False)
         self._decided = [0] * self.scenario.agents
-        self._views: dict[str, View] = {}
-        state, due, view = begin(self.scenario, self.form, mission)
+        self._sights: dict[str, Sight] = {}
+        self._now, rows = first(self._rules, self._kinds, self._world)
         self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
-        self._turn(state, due, view)
+        self._turn(rows)
         self._render_if_watched()
 
-    def _turn(self, state: State, due: Any, view: View) -> None:
+    def _turn(self, rows: Rows) -> None:
         """Give the turn to the agent that is due: reward its last decision, end its survey if nothing is left."""
-        self._state = state
-        index, view, time = jax.device_get((due, view, state.time))
-        index = int(index)
-        agent = self.possible_agents[index]
+        sight = told(rows, self._size)
+        agent = self.possible_agents[sight.agent]
         self.agent_selection = agent
-        self._views[agent] = view
-        stuck = not view.allowed.any()
-        full = stuck and self._decided[index] >= self._most_decisions
-        self.terminations[agent] = stuck and not full
-        self.truncations[agent] = full or (
-            not stuck and self.max_cycles is not None and self._decided[index] >= self.max_cycles
-        )
-        self.rewards[agent] = self._gain(index, float(view.trace), self.terminations[agent])
-        self.infos[agent] = self._info(index, float(time), view, travelling=False)
+        self._sights[agent] = sight
+        cut = not sight.end and self.max_cycles is not None and self._decided[sight.agent] >= self.max_cycles
+        self.terminations[agent], self.truncations[agent] = sight.ended, sight.truncated or cut
+        self.rewards[agent] = sight.gained
+        self.infos[agent] = self._info(sight, self._mask(agent))
         self._accumulate_rewards()
 
     def step(self, action: Any) -> None:
@@ -58,44 +49,38 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
 
         Raises InputError for what is no action; the environment is as it was.
         """
+        self._check_begun()
         agent = self.agent_selection
-        index = self._index[agent]
         over = self.terminations[agent] or self.truncations[agent]
         if over:
             choice = self._nowhere
             self._was_dead_step(action)
         else:
-            view = self._views[agent]
-            choice = self._choice(agent, action, view)
-            self._decided[index] += 1
+            choice = self._choice(agent, action, self._sights[agent])
+            self._decided[self._index[agent]] += 1
             self._cumulative_rewards[agent] = 0.0
             self._clear_rewards()
-            if self._stays(choice, view):  # the engine stops it at its last step, which is None
-                self.terminations[agent] = True
-                self.rewards[agent] = self._gain(index, float(view.trace), ended=True)
-                self._accumulate_rewards()
-                return
-        move = Move(np.int32(index), choice, np.bool_(over))
-        state, due, view = play(self.scenario, self.form, self._mission, self._state, move)
+        self._now, rows = play(self._rules, self._kinds, self._now, self._world, choice, np.bool_(over))
         if self.agents:
-            self._turn(state, due, view)
-        else:
-            self._state = state
+            self._turn(rows)
         self._render_if_watched()
+
+    def _mask(self, agent: str) -> np.ndarray:
+        """What the agent may do now: nothing unless it is due."""
+        over = self.terminations.get(agent, True) or self.truncations.get(agent, True)
+        if agent != self.agent_selection or over:
+            return np.zeros(self._moves, np.int8)
+        return self._sights[agent].allowed.astype(np.int8)
 
     def observe(self, agent: str) -> Any:
         """What the agent sees: when it is due or has ended, what it decides on; else what it knows at this moment.
 
         The mask of an agent that is not due allows nothing.
         """
-        view = self._views.get(agent)
-        due = agent == self.agent_selection
+        self._check_begun()
+        sight = self._sights.get(agent)
         over = self.terminations.get(agent, True) or self.truncations.get(agent, True)
-        if view is None or not (due or over):
-            view = jax.device_get(
-                look(self.scenario, self.form, self._mission, self._state, np.int32(self._index[agent]))
-            )
-        mask = np.zeros(self._moves, np.int8)
-        if due and not over:
-            mask[:] = view.allowed
-        return self._observation(view, mask)
+        if sight is None or not (agent == self.agent_selection or over):
+            index = np.int32(self._index[agent])
+            sight = told(glance(self._rules, self._kinds, self._now, self._world, index), self._size)
+        return self._observation(sight, self._mask(agent))

@@ -6,8 +6,8 @@ from pettingzoo import AECEnv
 from pettingzoo.utils.wrappers import ClipOutOfBoundsWrapper, OrderEnforcingWrapper
 
 from maipp.adapters.aec import SurveyAEC
-from maipp.adapters.form import CANDIDATE, OWN, TEAM, Parts, split_view
 from maipp.adapters.parallel import SurveyParallel
+from maipp.environments.form import CANDIDATE, OWN, TEAM, Parts, split_view
 from maipp.scenario import Scenario
 
 __all__ = [

@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from maipp.adapters.form import MEAN_LIMIT, Form, blocks, local_bounds
-from maipp.adapters.view import View
+from maipp.adapters.compiled import Sight
+from maipp.environments.form import MEAN_LIMIT, Form, blocks, local_bounds, split_view
 from maipp.scenario import Scenario
+
+OBSERVATIONS = ("dict", "box")
 
 
 def _box(low: Any, high: Any) -> spaces.Box:
@@ -33,11 +35,16 @@ def _graph_space(scenario: Scenario) -> spaces.Space:
     )
 
 
-def observation_space(scenario: Scenario, form: Form, moves: int) -> spaces.Space:
-    """What an agent is given: a vector or the graph, and but for waypoints the mask of its `moves` actions."""
+def masked(form: Form, observations: str) -> bool:
+    """Whether an observation holds the mask of the actions; else `info` does, where there is one."""
+    return form.actions == "neighbour" and observations == "dict"
+
+
+def observation_space(scenario: Scenario, form: Form, moves: int, observations: str = "dict") -> spaces.Space:
+    """What an agent is given: a vector or the graph, and in a dictionary the mask of its `moves` actions."""
     bounds = local_bounds(scenario)
     inner = _graph_space(scenario) if form.view == "graph" else _box(bounds.low, bounds.high)
-    if form.actions == "waypoint":
+    if not masked(form, observations):
         return inner
     return spaces.Dict({"observation": inner, "action_mask": spaces.Box(0, 1, (moves,), np.int8)})
 
@@ -49,18 +56,15 @@ def action_space(scenario: Scenario, form: Form, moves: int) -> spaces.Space:
     return spaces.Discrete(moves)
 
 
-def as_observation(form: Form, view: View, mask: np.ndarray | None) -> Any:
-    """The view as a member of the observation space; `view` holds NumPy arrays."""
-    if form.view == "graph" and view.graph is not None:
-        inner: Any = {
-            "nodes": view.graph.nodes,
-            "neighbours": view.graph.neighbours,
-            "reachable": np.asarray(view.graph.reachable).astype(np.int8),
-            "node": np.array([view.graph.node], np.int32),
-            "own": view.own,
-            "team": view.team,
-            "candidates": view.candidates,
+def as_observation(scenario: Scenario, sight: Sight, mask: np.ndarray | None) -> Any:
+    """The sight as a member of the observation space, which holds the mask unless it is None."""
+    inner: Any = sight.vector
+    if sight.graph is not None:
+        inner = {
+            "nodes": sight.graph.nodes,
+            "neighbours": sight.graph.neighbours,
+            "reachable": np.asarray(sight.graph.reachable).astype(np.int8),
+            "node": np.array([sight.graph.node], np.int32),
+            **split_view(scenario, sight.vector)._asdict(),
         }
-    else:
-        inner = np.concatenate([np.ravel(part) for part in (view.own, view.team, view.candidates)])
     return inner if mask is None else {"observation": inner, "action_mask": mask}

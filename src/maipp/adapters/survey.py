@@ -1,38 +1,42 @@
-"""What both environments share: worlds, spaces, rewards, actions checked, the record and the picture."""
+"""What all environments share: worlds, spaces, actions checked, the record and the picture."""
 
+import copy
 from typing import Any
 
 import gymnasium
 import jax
 import numpy as np
 
-from maipp.adapters.announcer import Announcer
-from maipp.adapters.form import MASKED, REWARDS, Form, check_form, check_option
+from maipp.adapters.compiled import Kinds, Sight, kinds_of, opened, whole
+from maipp.adapters.packed import Packed
 from maipp.adapters.picture import as_text, draw_survey, show
-from maipp.adapters.spaces import action_space, as_observation, observation_space
-from maipp.adapters.view import View
+from maipp.adapters.spaces import OBSERVATIONS, action_space, as_observation, masked, observation_space
+from maipp.devices import keep_compiled, refuse_fork
 from maipp.engine.episode import Episode
-from maipp.engine.mission import Field, Mission, draw_missions
-from maipp.engine.reward import final_reward, reward
+from maipp.engine.mission import Field, Mission, mission_parts
 from maipp.engine.score import Metrics, score_missions
-from maipp.engine.state import State, route_capacity
+from maipp.engine.state import State
+from maipp.environments.environment import Environment, EnvState
+from maipp.environments.form import MASKED, check_option, local_bounds
+from maipp.environments.whole import whole_bounds
 from maipp.errors import InputError
-from maipp.roadmap import SHORTEST_LEG
+from maipp.problem import shape_of
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 
-_DRAWN_SEEDS = 2**31 - 1  # below this are the seeds of the worlds that follow a given one
+_SUITE = "options"  # what PettingZoo's conformance tests give to every environment's reset, and expect to be taken
 
-_for_decision, _for_end = (jax.jit(function, static_argnums=0) for function in (reward, final_reward))
+_DRAWN_SEEDS = 2**31 - 1  # below this are the seeds of the worlds that follow a given one
 
 
 class Survey:
     """The part of an environment that does not depend on how agents take turns."""
 
     _extra_moves = 0  # besides those to the neighbours
-    _state: State  # the engine's, now
+    _kinds: Kinds | None = None
+    _now: Packed | None = None  # the survey; None before the first reset
 
     def __init__(
         self,
@@ -40,6 +44,7 @@ class Survey:
         *,
         actions: str = "neighbour",
         view: str = "local",
+        observations: str = "dict",
         reward: str = "paper",
         masked: str = "nearest",
         max_cycles: int | None = None,
@@ -47,10 +52,14 @@ class Survey:
         render_mode: str | None = None,
     ) -> None:
         """Check the options (docs/pettingzoo.md) and build the spaces. Raises InputError for what makes no sense."""
-        scenario, form = Scenario() if scenario is None else scenario, Form(actions, view)
-        check_form(scenario, form)
-        check_option("reward", reward, REWARDS)
+        scenario = Scenario() if scenario is None else scenario
+        form = Environment(scenario, actions=actions, view=view, reward=reward, fields="own").form
+        # What is compiled reads the numbers of the missions: one scenario stands for all, so that they share it.
+        self._rules = Environment(Scenario(), actions=actions, view=view, reward=reward, fields="own")
         check_option("masked", masked, MASKED)
+        check_option("observations", observations, OBSERVATIONS)
+        if observations == "box" and view == "graph":
+            raise InputError("observations='box' is one vector, which a roadmap does not fit; give view='local'")
         if render_mode is not None:
             check_option("render_mode", render_mode, RENDER_MODES)
         if max_cycles is not None and max_cycles < 1:
@@ -60,18 +69,23 @@ class Survey:
                 "the scenario names a field file, which an environment does not read; "
                 "give the ground truth as field=..., and a scenario without one"
             )
+        keep_compiled()
         self.scenario, self.form, self.render_mode = scenario, form, render_mode
         self.max_cycles = max_cycles
-        self._reward, self._masked, self._field = reward, masked, field
+        self._masked, self._observations, self._field = masked, observations, field
         self.possible_agents = [f"robot_{i}" for i in range(scenario.agents)]
         self.agents: list[str] = []
         self._index = {name: i for i, name in enumerate(self.possible_agents)}
-        moves = scenario.neighbours + self._extra_moves
-        self.action_spaces = {name: action_space(scenario, form, moves) for name in self.possible_agents}
-        self.observation_spaces = {name: observation_space(scenario, form, moves) for name in self.possible_agents}
-        self._moves = moves
-        self._most_decisions = route_capacity(scenario, Announcer(scenario)) - 1  # then an agent's record is full
+        self._moves = scenario.neighbours + self._extra_moves
+        one_action = action_space(scenario, form, self._moves)
+        self.action_spaces = {name: copy.deepcopy(one_action) for name in self.possible_agents}
+        one_seen = observation_space(scenario, form, self._moves, observations)
+        self.observation_spaces = {name: copy.deepcopy(one_seen) for name in self.possible_agents}
+        bounds = whole_bounds(scenario)
+        self.state_space = gymnasium.spaces.Box(bounds.low, bounds.high, dtype=np.float32)
+        self._size = int(local_bounds(scenario).low.size)  # of the vector of an observation
         self._seeds = np.random.default_rng()
+        self._seed = 0
         self._figure: Any = None
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space:
@@ -82,77 +96,96 @@ class Survey:
         """The space of this agent's actions; the same object at every call."""
         return self.action_spaces[agent]
 
-    def _fresh(self, seed: int | None) -> Mission:
-        """A new world. Seed s is the first of `draw_missions(scenario, seed=s)`, and decides those that follow."""
-        if seed is None:
-            seed = int(self._seeds.integers(_DRAWN_SEEDS))
-        else:
-            self._seeds = np.random.default_rng(check_seed(seed))
-        roadmaps = self.form.actions == "neighbour"
-        self._seed = seed
-        self._missions = draw_missions(self.scenario, seed=seed, instances=1, roadmaps=roadmaps, field=self._field)
-        self._mission: Mission = jax.tree.map(lambda a: a[0], self._missions)
-        self._before: list[float | None] = [None] * self.scenario.agents
-        self._replaced = [False] * self.scenario.agents
-        return self._mission
+    def _fresh(self, seed: int | None, options: dict[str, Any] | None) -> None:
+        """A new world. Seed s is the first of `draw_missions(scenario, seed=s)`, and decides those that follow.
 
-    def _choice(self, agent: str, action: Any, view: View) -> np.ndarray:
-        """The agent's action as the engine takes it; a masked one is replaced or refused.
+        With `options={"instance": i}` it is instance i of the seed, or of the seed before. Raises InputError for other
+        options.
+        """
+        refuse_fork()
+        instance = _instance(options)
+        if seed is not None:
+            self._seeds = np.random.default_rng(check_seed(seed))
+        elif instance is None:
+            seed = int(self._seeds.integers(_DRAWN_SEEDS))
+        self._seed = self._seed if seed is None else seed
+        roadmaps = self.form.actions == "neighbour"
+        self._parts = mission_parts(
+            self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
+        )
+        if self._kinds is None:
+            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
+        self._world = self._kinds.world.pack_here(self._parts)
+        self._replaced = [False] * self.scenario.agents
+
+    def _check_begun(self) -> None:
+        """Raises InputError before the first reset, and in a process that cannot compute."""
+        if self._now is None:
+            raise InputError("no survey yet: call reset() first")
+        refuse_fork()
+
+    def _choice(self, agent: str, action: Any, sight: Sight) -> np.ndarray:
+        """The agent's action as the engine takes it, which replaces a masked one; or it is refused here.
 
         Raises InputError for what is no action at all.
         """
-        space = self.action_spaces[agent]
+        space, index = self.action_spaces[agent], self._index[agent]
+        if isinstance(space, gymnasium.spaces.Box) and isinstance(action, np.ndarray) and action.dtype.kind == "f":
+            action = action.astype(np.float32)  # Gymnasium's boxes hold no float64
         if action is None or not space.contains(action):
             raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
         if self.form.actions == "waypoint":
-            self._replaced[self._index[agent]] = False
             return np.asarray(action, np.float32)
-        index = int(action)
-        fine = index < len(view.allowed) and bool(view.allowed[index])
-        self._replaced[self._index[agent]] = not fine
-        if fine:
-            return np.asarray(index, np.int32)
-        if self._masked == "raise":
-            raise InputError(f"{agent}: action {index} is masked; allowed now: {np.flatnonzero(view.allowed).tolist()}")
-        places = view.candidates[:, :2]
-        asked = places[index] if index < len(places) else np.zeros(2, np.float32)  # to wait is to stay near
-        squared = ((places - asked) ** 2).sum(axis=1)
-        return np.asarray(np.argmin(np.where(view.allowed, squared, np.inf)), np.int32)
-
-    def _stays(self, choice: np.ndarray, view: View) -> bool:
-        """Whether the choice is a waypoint on the spot, by which an agent ends its survey."""
-        return self.form.actions == "waypoint" and bool(np.linalg.norm(choice - view.end) <= SHORTEST_LEG)
+        number = int(action)
+        self._replaced[index] = not (number < len(sight.allowed) and sight.allowed[number])
+        if self._replaced[index] and self._masked == "raise":
+            may = np.flatnonzero(sight.allowed).tolist()
+            raise InputError(f"{agent}: action {number} is masked; allowed now: {may}")
+        return np.asarray(number, np.int32)
 
     @property
     def _nowhere(self) -> np.ndarray:
         """A choice to go with a stop, which reads none."""
         return np.zeros(2, np.float32) if self.form.actions == "waypoint" else np.zeros((), np.int32)
 
-    def _gain(self, index: int, trace: float, ended: bool) -> float:
-        """The reward for an agent's last decision, now that it decides again or has ended; 0 before its first.
+    def _observation(self, sight: Sight, mask: np.ndarray) -> Any:
+        inside = masked(self.form, self._observations)
+        return as_observation(self.scenario, sight, mask if inside else None)
 
-        As in training: from Tr(P) of its own belief then to that now, and for its end.
-        """
-        before, self._before[index] = self._before[index], trace
-        gain = 0.0 if before is None else float(_for_decision(self._reward, before, trace))
-        return gain + (float(_for_end(self._reward, trace)) if ended else 0.0)
-
-    def _observation(self, view: View, mask: np.ndarray) -> Any:
-        return as_observation(self.form, view, None if self.form.actions == "waypoint" else mask)
-
-    def _info(self, index: int, time: float, view: View, travelling: bool) -> dict[str, Any]:
+    def _info(self, sight: Sight, mask: np.ndarray) -> dict[str, Any]:
         """What is no part of the observation: times and lengths in the scenario's units."""
-        return {
-            "time": time,
-            "remaining": float(view.remaining),
-            "trace": float(view.trace),
-            "travelling": travelling,
-            "replaced": self._replaced[index],
+        info = {
+            "time": sight.time,
+            "remaining": sight.remaining,
+            "trace": sight.trace,
+            "travelling": not sight.due,
+            "replaced": self._replaced[sight.agent],
         }
+        if self._observations == "box" and self.form.actions == "neighbour":
+            info["action_mask"] = mask
+        return info
+
+    @property
+    def _state(self) -> EnvState:
+        """The survey now, in its parts."""
+        self._check_begun()
+        return opened(self._kinds, self._now, self._world)
+
+    @property
+    def _time(self) -> float:
+        """Of the moment that was last told."""
+        return float(self._state.survey.time)
+
+    def state(self) -> np.ndarray:
+        """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
+        self._check_begun()
+        return np.asarray(whole(self._kinds, self._now, self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
-        return self._missions, jax.tree.map(lambda a: a[None], self._state)
+        self._check_begun()
+        missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
+        return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 
     def metrics(self) -> Metrics:
         """Quality of the survey as decided so far; every number has a leading axis of one."""
@@ -169,7 +202,8 @@ class Survey:
         if self.render_mode is None:
             gymnasium.logger.warn("render() does nothing without a render_mode: 'human', 'rgb_array' or 'ansi'")
             return None
-        time = float(self._state.time)
+        self._check_begun()
+        time = float(self._state.survey.time)
         if self.render_mode == "ansi":
             return as_text(self.episode(), time)
         if self.render_mode == "rgb_array":
@@ -193,3 +227,14 @@ class Survey:
 def _brief(action: Any) -> str:
     text = " ".join(repr(action).split())
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _instance(options: dict[str, Any] | None) -> int | None:
+    """The instance asked for. Raises InputError for any other option of a reset."""
+    options = options or {}
+    if unknown := sorted(set(options) - {"instance", _SUITE}):
+        raise InputError(f"reset options: {', '.join(map(repr, unknown))} unknown; there is 'instance'")
+    instance = options.get("instance")
+    if instance is not None and (isinstance(instance, bool) or not isinstance(instance, int) or instance < 0):
+        raise InputError(f"reset options: instance={instance!r}; give a whole number >= 0")
+    return instance

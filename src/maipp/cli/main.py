@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import NamedTuple
 
-from maipp.cli.compiled import keep_compiled
 from maipp.errors import InputError
 
 INPUT_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
@@ -131,7 +130,7 @@ def _unknown_command(name: str) -> str:
 
 def prepare_jax() -> None:
     """Make JAX use every core and keep compiled programs between runs; must run before JAX is used."""
-    from maipp.devices import use_all_cores
+    from maipp.devices import keep_compiled, use_all_cores
 
     keep_compiled()
     use_all_cores()

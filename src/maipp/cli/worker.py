@@ -8,8 +8,8 @@ import tyro
 
 from maipp.bench.sweep.address import read_address
 from maipp.bench.sweep.cluster_worker import serve_workers
-from maipp.cli.compiled import keep_compiled
 from maipp.cli.notes import notes_console
+from maipp.devices import keep_compiled
 from maipp.errors import InputError
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import equinox as eqx
@@ -21,7 +21,7 @@ from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
-from maipp.typing import Array, Bool, Float, Index, Int, Key, Keys
+from maipp.typing import Array, Bool, Float, Index, Key, Keys
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -66,21 +66,22 @@ class Mission(eqx.Module):
 _START_DRAWS = 256
 
 
-def _instance_keys(key: Key, numbers: Int[Array, " i"]) -> Keys:
+def _instance_keys(key: Key, first: Index, instances: int) -> Keys:
     """One key per instance; instance i of a seed is the same world whatever the number of instances."""
-    return jax.vmap(partial(jax.random.fold_in, key))(numbers)
+    return jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(instances))
 
 
-@partial(jax.jit, static_argnames=("points", "components"))
+@partial(jax.jit, static_argnames=("points", "components", "instances"))
 def _draw_worlds(
     key: Key,
+    first: Index,
     field: Any,
     extent: Float[Array, "2"],
     variance: Float[Array, "2"],
-    numbers: Int[Array, " i"],
     *,
     points: int,
     components: tuple[int, int],
+    instances: int,
 ) -> tuple[Array, Any, Array, Array]:
     """Grid, ground truths as functions and on the grid, and draws to take the start from, in one compilation."""
     grid = evaluation_grid(points, extent)
@@ -93,7 +94,7 @@ def _draw_worlds(
             )
         return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
 
-    return grid, *jax.vmap(world)(_instance_keys(key, numbers))
+    return grid, *jax.vmap(world)(_instance_keys(key, first, instances))
 
 
 def _free_start(
@@ -124,7 +125,7 @@ def draw_missions(
     prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
     shape: Shape | None = None,
 ) -> Mission:
-    """A batch of `instances * trials` missions, instance slowest; the instances are those from `first` on.
+    """A batch of `instances * trials` missions, instance slowest, from instance `first` on.
 
     The instance fixes field and start; the trial only draws fresh roadmaps (and the planner's own randomness), so all
     planners meet the same worlds. What `planner` needs is drawn; without one, `roadmaps` that carry a spectral encoding
@@ -137,17 +138,48 @@ def draw_missions(
     Raises InputError for a seed out of range, where obstacles leave no room, and for prior samples that are not finite
     or do not match.
     """
+    parts = mission_parts(
+        scenario,
+        seed=seed,
+        instances=instances,
+        first=first,
+        trials=trials,
+        planner=planner,
+        roadmaps=roadmaps,
+        encodings=encodings,
+        field=field,
+        prior=prior,
+        prior_noise=prior_noise,
+    )
+    # All at once: array by array takes longer than to draw them.
+    return Mission(shape=shape or shape_of(scenario), **jax.device_put(parts))
+
+
+def mission_parts(
+    scenario: Scenario,
+    *,
+    seed: int,
+    instances: int,
+    first: int = 0,
+    trials: int = 1,
+    planner: Planner | None = None,
+    roadmaps: bool = True,
+    encodings: int = 0,
+    field: Field | None = None,
+    prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
+    prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
+) -> dict[str, Any]:
+    """The arrays of the same, all but the shape, on the host: NumPy under the names of `Mission`."""
     seed = check_seed(seed)
     if planner is not None:
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     real = jnp.result_type(float)
-    rules = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
-    numbers = jnp.arange(first, first + instances)
-    sizes = {"points": scenario.grid, "components": scenario.mixture_components}
     truth = as_field(field, scenario.extent)
-    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), truth, *rules, numbers, **sizes))
+    numbers = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
+    sizes = {"points": scenario.grid, "components": scenario.mixture_components, "instances": instances}
+    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), jnp.int32(first), truth, *numbers, **sizes))
     grid, fields, truth, draws = drawn
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:
@@ -157,26 +189,32 @@ def draw_missions(
     starts = np.broadcast_to(starts, (instances, scenario.agents, 2))
     batch = instances * trials
 
-    def every(array: np.ndarray) -> Array:
+    def every(array: np.ndarray) -> np.ndarray:
         """The same for each mission."""
-        return _device_array(np.broadcast_to(array, (batch, *array.shape)))
+        return np.broadcast_to(array, (batch, *array.shape))
 
-    def each(array: np.ndarray) -> Array:
+    def each(array: np.ndarray) -> np.ndarray:
         """The same for each trial of an instance."""
-        return _device_array(np.repeat(array, trials, axis=0))
+        return np.repeat(array, trials, axis=0)
 
-    return Mission(
-        shape=shape or shape_of(scenario),
-        params=jax.tree.map(lambda array: every(np.asarray(array)), params_of(scenario)),
+    parts = dict(
+        params=jax.tree.map(every, _numbers(scenario, real)),
         field=jax.tree.map(each, fields),
         grid=every(grid),
         truth=each(truth),
         inside=every(inside),
         start=each(starts),
-        roadmap=_draw_roadmaps(scenario, seed, starts, first, trials, encodings) if roadmaps else None,
+        roadmap=_draw_roadmaps(scenario, seed, first, starts, trials, encodings) if roadmaps else None,
         home=_homes(scenario, starts, trials) if scenario.homes else None,
         **{name: every(array) for name, array in samples.items()},
     )
+    return jax.tree.map(_at_precision, parts)
+
+
+@lru_cache(maxsize=64)
+def _numbers(scenario: Scenario, real: np.dtype) -> Params:
+    """The numbers of a scenario on the host; `real` is JAX's precision, with which they are made."""
+    return jax.device_get(params_of(scenario))
 
 
 def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) -> Home:
@@ -186,7 +224,7 @@ def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) 
         home = home_of(scenario.ends_from(each), scenario.obstacles, scenario.extent, scenario.grid)
         _check_home(home, each, scenario)
         rows += [home] * trials
-    return jax.tree.map(lambda *arrays: _device_array(np.stack(arrays)), *rows)
+    return jax.tree.map(lambda *arrays: np.stack([_at_precision(array) for array in arrays]), *rows)
 
 
 def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario) -> None:
@@ -204,7 +242,7 @@ def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario
 
 
 def _draw_roadmaps(
-    scenario: Scenario, seed: int, starts: Float[np.ndarray, "i m 2"], first: int, trials: int, encodings: int
+    scenario: Scenario, seed: int, first: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
 ) -> Roadmap:
     """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
 
@@ -223,9 +261,10 @@ def _draw_roadmaps(
         return dataclasses.replace(roadmap, encoding=laplacian_encoding(roadmap, encodings))
 
     drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
-    return jax.tree.map(lambda *rows: _device_array(np.stack(rows)), *drawn)
+    return jax.tree.map(lambda *rows: _at_precision(np.stack(rows)), *drawn)
 
 
-def _device_array(array: np.ndarray) -> Array:
-    """The array on the device, floating point at JAX's precision."""
-    return jnp.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else None)
+def _at_precision(array: Array | np.ndarray) -> np.ndarray:
+    """The array on the host, floating point at JAX's precision."""
+    array = np.asarray(array)
+    return np.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else array.dtype)

@@ -1,14 +1,20 @@
 """What an environment's agents do and see: the options, and the layout of the numbers they are given."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, get_args
 
+import jax.numpy as jnp
 import numpy as np
 
 from maipp.engine.reward import RewardKind
 from maipp.errors import InputError
+from maipp.problem import ScenarioLike
 from maipp.scenario import Scenario
-from maipp.typing import Float
+from maipp.typing import Array, Float
+
+Bounds = tuple[float | Array, float | Array]  # of one column
+Columns = Mapping[str, Bounds]
 
 # Columns of the three blocks of an observation. Lengths are in longest sides of the extent.
 OWN = ("x", "y", "ahead", "left", "remaining", "to_next", "trace", "area")
@@ -65,18 +71,12 @@ def check_form(scenario: Scenario, form: Form) -> None:
         )
 
 
-def _block(columns: dict[str, tuple[float, float]], rows: tuple[int, ...]) -> Block:
-    """Bounds of a block with these columns, in order."""
-    low, high = np.array(list(columns.values()), np.float32).T
-    return Block(*(np.broadcast_to(side, (*rows, len(columns))).copy() for side in (low, high)))
-
-
-def blocks(scenario: Scenario) -> tuple[Block, Block, Block]:
-    """Bounds of the own, team and candidate blocks of a local observation, float32."""
-    longest = max(scenario.extent)
-    path = max(scenario.budgets) / longest
-    diagonal = math.hypot(*scenario.extent) / longest
-    spread = math.sqrt(scenario.signal_variance)
+def columns(problem: ScenarioLike) -> tuple[Columns, Columns, Columns]:
+    """Lowest and highest number of every column of the own, team and candidate blocks."""
+    extent = jnp.asarray(problem.extent)
+    longest = jnp.max(extent)
+    path, diagonal = jnp.max(jnp.asarray(problem.budgets)) / longest, jnp.sqrt(jnp.sum(extent**2)) / longest
+    spread = jnp.sqrt(problem.signal_variance)
     unit, offset = (0.0, 1.0), (-1.0, 1.0)
     own = dict.fromkeys(OWN, unit) | {"ahead": (0.0, path), "remaining": (0.0, path)}
     team = dict.fromkeys(TEAM, offset) | {"heard": unit, "told": unit}
@@ -87,11 +87,27 @@ def blocks(scenario: Scenario) -> tuple[Block, Block, Block]:
         "mean": (-MEAN_LIMIT, MEAN_LIMIT),
         "std": (0.0, spread),
         "interest": unit,
-        "around": (0.0, scenario.signal_variance),
+        "around": (0.0, problem.signal_variance),
         "announced": unit,
         "allowed": unit,
     }
-    return _block(own, ()), _block(team, (scenario.agents - 1,)), _block(candidate, (scenario.neighbours,))
+    return own, team, candidate
+
+
+def _shapes(problem: ScenarioLike) -> tuple[tuple[int, ...], ...]:
+    """Of the own, team and candidate blocks."""
+    return (len(OWN),), (problem.agents - 1, len(TEAM)), (problem.neighbours, len(CANDIDATE))
+
+
+def blocks(scenario: Scenario) -> tuple[Block, Block, Block]:
+    """Bounds of the own, team and candidate blocks of a local observation, float32."""
+
+    def block(bounds: Columns, shape: tuple[int, ...]) -> Block:
+        low, high = (np.array([float(column[side]) for column in bounds.values()], np.float32) for side in (0, 1))
+        return Block(np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy())
+
+    own, team, candidates = map(block, columns(scenario), _shapes(scenario))
+    return own, team, candidates
 
 
 def local_bounds(scenario: Scenario) -> Block:
@@ -105,7 +121,7 @@ def split_view(scenario: Scenario, observation: Float[np.ndarray, "*b d"]) -> Pa
 
     Raises InputError where the length is not that of the scenario's observations.
     """
-    shapes = [block.low.shape for block in blocks(scenario)]
+    shapes = _shapes(scenario)
     sizes = [math.prod(shape) for shape in shapes]
     if observation.shape[-1] != sum(sizes):
         raise InputError(f"an observation of {observation.shape[-1]} numbers; this scenario's have {sum(sizes)}")
