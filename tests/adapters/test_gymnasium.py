@@ -1,6 +1,7 @@
 """The fronts for Gymnasium, the Box form and what all fronts have in common, by the libraries' own checks."""
 
 import multiprocessing
+import pickle
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,16 @@ def test_waypoints_may_be_of_double_precision(small):
     env.reset(seed=0)
     env.step(np.array([0.25, 0.75]))
     assert env.simulator_state()[1].events[0] == 1
+
+
+@pytest.mark.parametrize("make", [surveys.aec_env, surveys.parallel_env])
+def test_a_pickled_survey_goes_on_as_it_was(small, make):
+    env = make(small)
+    env.reset(seed=1)
+    other = pickle.loads(pickle.dumps(env))
+    for each in (env, other):
+        each.step(0 if make is surveys.aec_env else dict.fromkeys(env.possible_agents, 0))
+    np.testing.assert_array_equal(env.state(), other.state())
 
 
 def _step(queue, env):

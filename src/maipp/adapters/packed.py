@@ -35,15 +35,15 @@ class Packing(NamedTuple):
         reals: list[Array] = [jnp.zeros(0, real)]
         others: list[Array] = [jnp.zeros(0, jnp.int32)]
         for leaf, (_, kind) in zip(jax.tree.leaves(tree), self.parts, strict=True):
-            floating = np.issubdtype(kind, np.floating)
+            floating = kind.kind == "f"
             (reals if floating else others).append(jnp.ravel(leaf).astype(real if floating else jnp.int32))
         return Packed(jnp.concatenate(reals), jnp.concatenate(others))
 
     def pack_here(self, tree: Any) -> Packed:
         """`pack` for arrays of NumPy, on the host; the two arrays are on the device."""
         leaves = list(zip(jax.tree.leaves(tree), self.parts, strict=True))
-        reals = [leaf.ravel() for leaf, (_, kind) in leaves if np.issubdtype(kind, np.floating)]
-        others = [leaf.ravel() for leaf, (_, kind) in leaves if not np.issubdtype(kind, np.floating)]
+        reals = [leaf.ravel() for leaf, (_, kind) in leaves if kind.kind == "f"]
+        others = [leaf.ravel() for leaf, (_, kind) in leaves if not kind.kind == "f"]
         real = jnp.result_type(float)
         return jax.device_put(Packed(np.concatenate(reals, dtype=real), np.concatenate(others, dtype=np.int32)))
 
@@ -51,7 +51,7 @@ class Packing(NamedTuple):
         """The tree again."""
         at, leaves = [0, 0], []
         for shape, kind in self.parts:
-            which, size = 0 if np.issubdtype(kind, np.floating) else 1, math.prod(shape)
+            which, size = 0 if kind.kind == "f" else 1, math.prod(shape)
             leaves.append(packed[which][at[which] : at[which] + size].reshape(shape).astype(kind))
             at[which] += size
         return jax.tree.unflatten(self.kind, leaves)

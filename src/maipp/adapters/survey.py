@@ -118,6 +118,15 @@ class Survey:
         self._world = self._kinds.world.pack_here(self._parts)
         self._replaced = [False] * self.scenario.agents
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the kinds of what is packed: definitions of pytrees do not come back whole from a pickle."""
+        return self.__dict__ | {"_kinds": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._now is not None:
+            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
+
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
         if self._now is None:

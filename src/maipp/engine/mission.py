@@ -208,7 +208,7 @@ def mission_parts(
         home=_homes(scenario, starts, trials) if scenario.homes else None,
         **{name: every(array) for name, array in samples.items()},
     )
-    return jax.tree.map(_at_precision, parts)
+    return jax.tree.map(partial(_at_precision, real), parts)
 
 
 @lru_cache(maxsize=64)
@@ -224,7 +224,7 @@ def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) 
         home = home_of(scenario.ends_from(each), scenario.obstacles, scenario.extent, scenario.grid)
         _check_home(home, each, scenario)
         rows += [home] * trials
-    return jax.tree.map(lambda *arrays: np.stack([_at_precision(array) for array in arrays]), *rows)
+    return jax.tree.map(lambda *arrays: np.stack([np.asarray(array) for array in arrays]), *rows)
 
 
 def _check_home(home: Home, starts: Float[np.ndarray, "m 2"], scenario: Scenario) -> None:
@@ -261,10 +261,10 @@ def _draw_roadmaps(
         return dataclasses.replace(roadmap, encoding=laplacian_encoding(roadmap, encodings))
 
     drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
-    return jax.tree.map(lambda *rows: _at_precision(np.stack(rows)), *drawn)
+    return jax.tree.map(lambda *rows: np.stack(rows), *drawn)
 
 
-def _at_precision(array: Array | np.ndarray) -> np.ndarray:
-    """The array on the host, floating point at JAX's precision."""
+def _at_precision(real: np.dtype, array: Array | np.ndarray) -> np.ndarray:
+    """The array on the host, floating point at JAX's precision `real`."""
     array = np.asarray(array)
-    return np.asarray(array, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else array.dtype)
+    return array.astype(real, copy=False) if array.dtype.kind == "f" else array
