@@ -149,6 +149,7 @@ def run(flags: Kills) -> int:
             else:
                 client.kill()
                 client.wait()
+                under_way |= {cell for cell, *_ in at_work(flags.out)}  # begun since
                 client = subprocess.Popen(client_words)
         code = client.wait()
     finally:
