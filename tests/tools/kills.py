@@ -149,6 +149,8 @@ def run(flags: Kills) -> int:
             else:
                 client.kill()
                 client.wait()
+                time.sleep(2)  # until workers have begun on what they were given last
+                under_way |= {cell for cell, *_ in at_work(flags.out)}
                 client = subprocess.Popen(client_words)
         code = client.wait()
     finally:

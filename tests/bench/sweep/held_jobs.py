@@ -16,7 +16,7 @@ STARTED, HOLD = "started", "hold"
 
 @dataclass(frozen=True)
 class Held:
-    """The square of a number, once the folder has no file `hold` any more."""
+    """The square of a number; of one below 4 once the folder has no file `hold` any more."""
 
     number: int
     folder: str
@@ -53,7 +53,7 @@ class Held:
             os._exit(3)
         if sum(key == self.key for key, _ in started(self.folder)) <= self.deaths:
             os.kill(os.getpid(), signal.SIGKILL)
-        while (Path(self.folder) / HOLD).exists():
+        while self.number < 4 and (Path(self.folder) / HOLD).exists():
             time.sleep(0.02)
         return 1 // 0 if self.fails else self.number**2
 

@@ -190,13 +190,14 @@ def test_a_kill_costs_what_was_under_way(cluster, tmp_path, whom):
     (tmp_path / HOLD).touch()
     running = client(cluster, tmp_path, COUNT)
     try:
-        until(lambda: begun(tmp_path, 2))
-        under_way = started(tmp_path)[:2]
+        until(lambda: begun(tmp_path, 4) and len(kept(tmp_path)) == 2)  # the others are held
+        under_way = [one for one in started(tmp_path) if one[0] not in kept(tmp_path)]
         if whom == "client":
             end(running)
         else:
-            os.kill(under_way[0][1], signal.SIGKILL)
-            until(lambda: begun(tmp_path, 3))  # another does it
+            # One that has done what is kept: that is not to be done again.
+            os.kill(dict(started(tmp_path))["held-5"], signal.SIGKILL)
+            until(lambda: begun(tmp_path, 5))  # another does it
         (tmp_path / HOLD).unlink()
         if whom == "client":
             running = client(cluster, tmp_path, COUNT)
@@ -215,11 +216,12 @@ def test_the_death_of_a_machine_costs_what_it_was_at(cluster, tmp_path):
     (tmp_path / HOLD).touch()
     running = client(cluster, tmp_path, COUNT)
     try:
-        until(lambda: begun(tmp_path, 3))
+        until(lambda: begun(tmp_path, 5) and len(kept(tmp_path)) == 2)  # the others are held
         theirs = [key for key, process in started(tmp_path) if parents(tmp_path)[process] == third.pid]
+        theirs = [key for key in theirs if key not in kept(tmp_path)]
         assert len(theirs) == 1
         end(third)
-        until(lambda: begun(tmp_path, 4) or not (tmp_path / HOLD).unlink())
+        until(lambda: begun(tmp_path, 6) or not (tmp_path / HOLD).unlink())
         finished(running)
     finally:
         end(running)

@@ -88,6 +88,8 @@ class Cluster:
             except TimeoutError:  # the worker has gone with it: the scheduler has it computed again
                 continue
             del self._at[future]
+            # Now: as long as anything still refers to it, it would be computed again if the worker that has it died.
+            future.release()
             yield number, result
         self._look()
 
