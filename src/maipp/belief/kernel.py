@@ -1,7 +1,7 @@
 """Covariance functions of the Gaussian-process prior."""
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,8 +21,8 @@ class Kernel(eqx.Module):
 
     @staticmethod
     @abstractmethod
-    def correlation(distance: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Correlation of two points by their distance r; 1 at 0."""
+    def correlation(distance: Float[Array, "..."], variance: Any = 1.0) -> Float[Array, "..."]:
+        """Correlation of two points by their distance r, 1 at 0; times the variance."""
 
     @staticmethod
     @abstractmethod
@@ -41,7 +41,7 @@ class Kernel(eqx.Module):
         # `!=` and not `>`: a place of NaN must not pass for the same place as every other.
         apart = squared != 0
         distance = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
-        return self.variance * self.correlation(distance)
+        return self.correlation(distance, self.variance)
 
     def matrix(self, a: Float[Array, "n 2"], b: Float[Array, "q 2"]) -> Float[Array, "n q"]:
         """Covariance matrix between two point sets."""
@@ -52,9 +52,9 @@ class Matern12(Kernel):
     """Matern 1/2, the exponential: continuous fields without slopes."""
 
     @staticmethod
-    def correlation(distance: Float[Array, "..."]) -> Float[Array, "..."]:
+    def correlation(distance: Float[Array, "..."], variance: Any = 1.0) -> Float[Array, "..."]:
         """exp(-r)."""
-        return jnp.exp(-distance)
+        return variance * jnp.exp(-distance)
 
     @staticmethod
     def fall(distance: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -69,9 +69,9 @@ class Matern32(Kernel):
     stretch = 3.0**0.5
 
     @staticmethod
-    def correlation(distance: Float[Array, "..."]) -> Float[Array, "..."]:
+    def correlation(distance: Float[Array, "..."], variance: Any = 1.0) -> Float[Array, "..."]:
         """(1 + r) exp(-r)."""
-        return (1.0 + distance) * jnp.exp(-distance)
+        return variance * (1.0 + distance) * jnp.exp(-distance)
 
     @staticmethod
     def fall(distance: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -85,9 +85,9 @@ class Matern52(Kernel):
     stretch = 5.0**0.5
 
     @staticmethod
-    def correlation(distance: Float[Array, "..."]) -> Float[Array, "..."]:
+    def correlation(distance: Float[Array, "..."], variance: Any = 1.0) -> Float[Array, "..."]:
         """(1 + r + r^2 / 3) exp(-r)."""
-        return (1.0 + distance + distance * distance / 3.0) * jnp.exp(-distance)
+        return variance * (1.0 + distance + distance * distance / 3.0) * jnp.exp(-distance)
 
     @staticmethod
     def fall(distance: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -99,9 +99,9 @@ class SquaredExponential(Kernel):
     """The squared exponential (RBF, Gaussian): fields without any roughness."""
 
     @staticmethod
-    def correlation(distance: Float[Array, "..."]) -> Float[Array, "..."]:
+    def correlation(distance: Float[Array, "..."], variance: Any = 1.0) -> Float[Array, "..."]:
         """exp(-r^2 / 2)."""
-        return jnp.exp(-0.5 * distance * distance)
+        return variance * jnp.exp(-0.5 * distance * distance)
 
     @staticmethod
     def fall(distance: Float[Array, "..."]) -> Float[Array, "..."]:
