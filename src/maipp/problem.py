@@ -28,6 +28,7 @@ class Shape:
     nodes: int  # of each roadmap
     neighbours: int  # of each of its nodes
     belief_capacity: int
+    kernel: str
     interest_rule: str
     virtual_value: str
     last_leg: str
@@ -70,7 +71,7 @@ def shape_of(scenarios: Scenario | Sequence[Scenario], *, slots: int | None = No
     )
 
 
-_RULES = ("interest_rule", "virtual_value", "last_leg")
+_RULES = ("kernel", "interest_rule", "virtual_value", "last_leg")
 
 
 class Params(eqx.Module):

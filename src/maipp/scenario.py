@@ -149,10 +149,16 @@ class Scenario(PerAgent):
     )
     length_scale: Positive = described(
         0.45,
-        "length scale of the Matern 3/2 kernel (0.25 in the ten-agent tables)",
+        "length scale of the kernel (0.25 in the ten-agent tables)",
         allowed="a length > 0 (domain units)",
         unit="domain units",
         source="calibrated on the paper's tables",
+    )
+    kernel: Literal["matern12", "matern32", "matern52", "squared-exponential"] = described(
+        "matern32",
+        "covariance of the beliefs: Matern 1/2, 3/2, 5/2 or squared exponential",
+        unit="no unit",
+        source=f"{_PAPER}, Sec. III-A",
     )
     signal_variance: Positive = described(
         1.0,

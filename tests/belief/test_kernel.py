@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern
 
-from maipp.belief import Matern32
+from maipp.belief import KERNELS, Matern32
 
 A = np.random.default_rng(0).uniform(-1.0, 2.0, (7, 2))
 B = np.random.default_rng(1).uniform(-1.0, 2.0, (5, 2))
@@ -30,6 +30,34 @@ def test_matrix_is_that_of_scikit_learn(length_scale, variance):
         matrix = kernel.matrix(jnp.asarray(A), jnp.asarray(B))
         np.testing.assert_allclose(matrix, reference(A, B), rtol=1e-12, atol=1e-14)
         np.testing.assert_allclose(kernel(jnp.asarray(A[:5]), jnp.asarray(B)), np.diagonal(reference(A[:5], B)))
+
+
+REFERENCES = {
+    "matern12": lambda scale: Matern(scale, nu=0.5),
+    "matern32": lambda scale: Matern(scale, nu=1.5),
+    "matern52": lambda scale: Matern(scale, nu=2.5),
+    "squared-exponential": RBF,
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+@given(along_x=SCALES, along_y=SCALES)
+def test_every_kernel_is_that_of_scikit_learn_along_both_axes(name, along_x, along_y):
+    mean = (along_x * along_y) ** 0.5
+    with jax.enable_x64(True):
+        warp = jnp.diag(jnp.asarray([mean / along_x, mean / along_y]))
+        matrix = KERNELS[name](jnp.asarray(mean), 2.0, warp).matrix(jnp.asarray(A), jnp.asarray(B))
+        reference = 2.0 * REFERENCES[name]((along_x, along_y))(A, B)
+        np.testing.assert_allclose(matrix, reference, rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_what_a_correlation_falls_by_is_its_slope(name):
+    kernel, distance = KERNELS[name], jnp.asarray([0.01, 0.3, 1.0, 4.0])
+    with jax.enable_x64(True):
+        slope = jax.vmap(jax.grad(kernel.correlation))(distance.astype(float))
+        np.testing.assert_allclose(kernel.fall(distance.astype(float)), -slope / distance, rtol=1e-6)
+    assert kernel.correlation(jnp.zeros(())) == 1.0 and np.isfinite(kernel.fall(jnp.zeros(())))
 
 
 @pytest.mark.parametrize("kernel", [Matern32(0.45, 2.0), per_axis(0.3, 0.9, 2.0)])

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.belief.kernel import Matern32
+from maipp.belief.kernel import Kernel
 from maipp.belief.tiles import Survey, tile_moments
 from maipp.typing import Array, Bool, Float, Int
 
@@ -28,7 +28,7 @@ class Belief(eqx.Module):
     (`nugget_factor`) says so: its mean and variance are NaN at every query point, and so is every Tr(P) of it.
     """
 
-    kernel: Matern32
+    kernel: Kernel
     x: Float[Array, "n 2"]  # measured positions, domain units
     mask: Bool[Array, " n"]  # True where a slot holds a measurement
     inverse_factor: Float[Array, "n n"]  # L^-1 of K(X, X) + noise I
@@ -137,7 +137,7 @@ def nugget_factor(
 
 
 def condition(
-    kernel: Matern32,
+    kernel: Kernel,
     x: Float[Array, "n 2"],
     y: Float[Array, " n"],
     mask: Bool[Array, " n"],
@@ -177,7 +177,7 @@ def condition(
 
 
 def condition_window(
-    kernel: Matern32,
+    kernel: Kernel,
     survey: Survey,
     slots: Int[Array, " r"],
     query: Float[Array, "q 2"],

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from maipp.belief.kernel import Matern32
+from maipp.belief.kernel import Kernel
 from maipp.belief.posterior import condition, nugget_factor
 from maipp.typing import Array, Bool, Float
 
@@ -46,7 +46,7 @@ class PriorSamples(NamedTuple):
         )
 
     def process(
-        self, kernel: Matern32, x: Float[Array, "n 2"], query: Float[Array, "q 2"], noise: float | Float[Array, ""]
+        self, kernel: Kernel, x: Float[Array, "n 2"], query: Float[Array, "q 2"], noise: float | Float[Array, ""]
     ) -> "SampledProcess":
         """The GP given the samples, at the places `x` of later measurements and at `query`.
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.belief.kernel import Matern32
+from maipp.belief.kernel import Kernel
 from maipp.belief.thinning import most_telling, spacing
 from maipp.typing import Array, Bool, Float, Int
 
@@ -56,7 +56,7 @@ def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
 
 
 def tile_moments(
-    kernel: Matern32, survey: Survey, points: Float[Array, "p 2"]
+    kernel: Kernel, survey: Survey, points: Float[Array, "p 2"]
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Posterior mean and variance at the points, each given the measurements that tell most of its tile.
 
@@ -73,7 +73,7 @@ def tile_moments(
 
 
 def _predict(
-    kernel: Matern32, survey: Survey, tiles: Float[Array, "t c 2"], count: int
+    kernel: Kernel, survey: Survey, tiles: Float[Array, "t c 2"], count: int
 ) -> tuple[Float[Array, "t c"], Float[Array, "t c"]]:
     """Mean and variance at the points of each tile."""
     low, high = jnp.min(tiles, axis=1), jnp.max(tiles, axis=1)

@@ -13,7 +13,7 @@ Up to the capacity it is exact. Beyond it, variances are those of a part of the 
 rounding; docs/architecture.md has the errors.
 """
 
-from maipp.belief.kernel import Matern32
+from maipp.belief.kernel import Kernel
 from maipp.belief.posterior import Belief, condition, condition_window
 from maipp.belief.thinning import most_telling
 from maipp.belief.tiles import survey_of
@@ -21,7 +21,7 @@ from maipp.typing import Array, Bool, Float
 
 
 def condition_near(
-    kernel: Matern32,
+    kernel: Kernel,
     x: Float[Array, "n 2"],
     y: Float[Array, " n"],
     mask: Bool[Array, " n"],

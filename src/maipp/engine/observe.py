@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from maipp.belief import Belief, Matern32, condition_near
+from maipp.belief import KERNELS, Belief, condition_near
 from maipp.belief.prior_samples import Measurements
 from maipp.engine.decision import AgentView, Knowledge, Observation
 from maipp.engine.mission import Mission
@@ -99,7 +99,7 @@ def belief_near(mission: Mission, known: Measurements, query: Float[Array, "q 2"
     """What these measurements give at `query`; of very many, those that tell most of `place` are in its slots."""
     params = mission.params
     return condition_near(
-        Matern32(params.length_scale, params.signal_variance, params.warp),
+        KERNELS[mission.shape.kernel](params.length_scale, params.signal_variance, params.warp),
         known.x,
         known.y,
         known.mask,

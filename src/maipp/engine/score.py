@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.belief import Belief, Interest, Matern32, condition, rmse, trace
+from maipp.belief import KERNELS, Belief, Interest, Kernel, condition, rmse, trace
 from maipp.engine.finite import mission_number, refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.state import NOT_FINITE, RECORD_FULL, State
@@ -69,9 +69,9 @@ def pooled_belief(mission: Mission, state: State, time: float | Float[Array, ""]
     return belief_of(mission, state, taken_by(state, time))
 
 
-def kernel_of(scenario: ScenarioLike) -> Matern32:
+def kernel_of(scenario: ScenarioLike) -> Kernel:
     """The scenario's prior covariance."""
-    return Matern32(scenario.length_scale, scenario.signal_variance)
+    return KERNELS[scenario.kernel](scenario.length_scale, scenario.signal_variance)
 
 
 def interest_of(scenario: ScenarioLike) -> Interest:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from maipp.belief.refit import HyperPrior
+from maipp.errors import InputError
 from maipp.live.differences import keys_of_scenario, keys_of_survey
 from maipp.live.site import Site
 from maipp.live.units import Units
@@ -28,6 +29,11 @@ def scenario_setup(
     prior_noise: float | None,
 ) -> Setup:
     """Of a scenario in its own units; robots are called robot1, robot2 and so on if not otherwise."""
+    if scenario.kernel != "matern32" and (gate > 0 or adapt):
+        raise InputError(
+            f"kernel: {scenario.kernel}: live surveys judge samples and refit by matern32 alone; give that, or gate=0 "
+            "and adapt=False"
+        )
     names = tuple(robots or (f"robot{i + 1}" for i in range(scenario.agents)))
     around = HyperPrior(scenario.length_scale, scenario.noise, scenario.signal_variance**0.5)
     hyper = around if adapt is True else adapt or None

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maipp.belief import Matern32, condition, condition_near, extend
+from maipp.belief import Matern12, Matern32, Matern52, SquaredExponential, condition, condition_near, extend
 from maipp.planners.lookahead import predicted_variance
 from maipp.planners.search.variance import variance_left
 
@@ -19,6 +19,7 @@ SLOTS, PLANS, LEGS = 8, 3, 4
 # Determinant 1: (0.8 * 1.8 - 0.44) = 1.
 WARP = jnp.asarray([[0.8, 0.44**0.5], [0.44**0.5, 1.8]])
 KERNELS = {"isotropic": Matern32(0.45, 1.5), "anisotropic": Matern32(0.45, 0.8, WARP)}
+KERNELS |= {kind.__name__: kind(0.45, 0.8, WARP) for kind in (Matern12, Matern52, SquaredExponential)}
 
 
 @eqx.filter_jit

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from maipp.belief import Belief, Matern32
+from maipp.belief import Belief, Kernel
 from maipp.planners.lookahead import virtual_measurements
 from maipp.typing import Array, Bool, Float
 
@@ -63,20 +63,18 @@ variance_left.defvjp(_forward, _backward)
 
 
 def _pull(
-    kernel: Matern32, points: Float[Array, "*p 2"], others: Float[Array, "o 2"], weight: Float[Array, "*p o"]
+    kernel: Kernel, points: Float[Array, "*p 2"], others: Float[Array, "o 2"], weight: Float[Array, "*p o"]
 ) -> Float[Array, "*p 2"]:
     """Slope in each point of the weighted sum of its covariances with the others.
 
-    The covariance (1 + r) exp(-r), with r the distance in units of length scale / sqrt(3), has the slope -exp(-r)
-    (point - other) in those units.
+    A correlation that depends on the distance r alone has the slope -fall(r) (point - other) in the units of r.
     """
-    scale = 3.0**0.5 / jnp.asarray(kernel.length_scale, points.dtype)
+    scale = kernel.stretch / jnp.asarray(kernel.length_scale, points.dtype)
     if kernel.warp is not None:
-        alike = Matern32(kernel.length_scale, kernel.variance)
+        alike = type(kernel)(kernel.length_scale, kernel.variance)
         return _pull(alike, points @ kernel.warp, others @ kernel.warp, weight) @ kernel.warp
     offset = (points[..., None, :] - others) * scale
-    decay = jnp.exp(-jnp.sqrt(offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]))
-    weight = weight * decay
+    weight = weight * kernel.fall(jnp.sqrt(offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]))
     # One product, which a CPU does faster than sums along the last axis.
     sums = weight @ jnp.concatenate([others, jnp.ones_like(others[:, :1])], axis=-1)
     return kernel.variance * scale * scale * (sums[..., :2] - points * sums[..., 2:])
