@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import maipp
@@ -293,17 +294,22 @@ class NanWay(Planner):
 """
 
 
-def test_evaluate_takes_no_nan_for_a_way(tmp_path, capsys):
+def test_evaluate_warns_of_agents_that_it_had_to_stop(tmp_path, capsys):
     (tmp_path / "bad.py").write_text(NAN_WAY, encoding="utf-8")
     path, bad = tmp_path / "out.json", f"{tmp_path / 'bad.py'}:NanWay"
     arguments = ["--planner", "greedy", bad, "--budget", "0.6", "--no-timing", "--json", str(path)]
-    assert main(["evaluate", *TINY, *arguments]) == 2
+    assert main(["evaluate", *TINY, *arguments]) == 0
     captured = capsys.readouterr()
-    assert len(json.loads(path.read_text(encoding="utf-8"))["evaluations"]) == 1  # that of the other planner
-    told = captured.err.splitlines()[-1]
-    assert told.startswith("error: ")
-    assert f"planner NanWay ({tmp_path / 'bad.py'}:12): decide owes waypoints that are finite numbers" in told
-    assert "Traceback" not in captured.err
+    good, row = json.loads(path.read_text(encoding="utf-8"))["evaluations"]
+    count = row["scenario"]["agents"] * row["instances"] * row["trials"]
+    assert np.sum(row["values"]["not_finite"]) == count and not np.any(good["values"]["not_finite"])
+    assert row["summary"]["unspent"]["mean"] == pytest.approx(0.6 - 0.2 * 2**0.5, abs=1e-5)
+    (warning,) = [line for line in captured.err.splitlines() if "warning" in line]
+    assert warning == (
+        f"warning: {bad}, budget 0.6: of {count} agents the engine stopped {count} at a waypoint that is not a finite "
+        "number; unspent budget 0.317 domain units each"
+    )
+    assert "unspent" in captured.out
 
 
 def test_a_row_that_cannot_be_scored_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys):

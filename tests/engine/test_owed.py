@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from maipp.engine import Decision, Planner, draw_missions, reset, run_missions
+from maipp.engine import Decision, Planner, draw_missions, reset
 from maipp.engine.rollout import step
 from maipp.errors import InputError
 from tests.engine.conftest import RECORDED
@@ -60,12 +60,6 @@ class Memory(Wanderer):
         return Decision(observation.position[None], {"place": observation.position}, memory + 0.5)
 
 
-class NaN(Wanderer):
-    def decide(self, key, observation, memory):
-        far = jnp.where(memory > 0, jnp.nan, observation.position + 0.1)
-        return Decision(far[None], {"place": observation.position}, memory + 1)
-
-
 @pytest.fixture(scope="module")
 def missions():
     return draw_missions(RECORDED, seed=1, instances=2, roadmaps=False)
@@ -99,9 +93,3 @@ def test_one_line_says_what_decide_owes_and_where_it_is(kind, right, missions):
 
 def test_who_answers_as_it_owes_to_is_let_be(missions):
     assert answer(Wanderer, missions).memory.shape == (RECORDED.agents,)
-
-
-def test_nan_is_no_result(missions):
-    owed = r"planner NaN .*: decide owes waypoints that are finite numbers; they were NaN or infinite for agent 0 of "
-    with pytest.raises(InputError, match=owed + r"mission 7 and \d+ agents more"):
-        run_missions(NaN(RECORDED), missions, KEY, first=7)

@@ -165,7 +165,7 @@ def mission_parts(
     planner: Planner | None = None,
     roadmaps: bool = True,
     encodings: int = 0,
-    field: Field | None = None,
+    field: Any = None,
     prior: tuple[Float[Array | np.ndarray, "p 2"], Float[Array | np.ndarray, " p"]] | None = None,
     prior_noise: float | Float[Array | np.ndarray, " p"] | None = None,
 ) -> dict[str, Any]:

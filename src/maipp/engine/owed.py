@@ -6,10 +6,8 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
-from maipp.engine.state import NOT_FINITE, State
 from maipp.errors import InputError
 from maipp.typing import Key
 
@@ -44,22 +42,6 @@ def decided(planner: Planner, key: Key, observation: Observation, memory: PyTree
     if _shape(decision.stop) != ():
         raise _owes(planner, "stop as one truth value", f"it has the shape {_shape(decision.stop)}")
     return decision
-
-
-def refuse_nan_waypoints(planner: Planner, states: State, first: int = 0) -> None:
-    """Raise `InputError` where agents of a batch were stopped since their planner named no finite place.
-
-    `first` is the number of the batch's first mission.
-    """
-    wrong = np.argwhere(np.asarray(states.status) == NOT_FINITE)
-    if len(wrong):
-        mission, agent = wrong[0]
-        raise _owes(
-            planner,
-            "waypoints that are finite numbers",
-            f"they were NaN or infinite for agent {agent} of mission {first + mission}"
-            + (f" and {len(wrong) - 1} agents more" if len(wrong) > 1 else ""),
-        )
 
 
 def _same(planner: Planner, name: str, given: PyTree, promised: PyTree, where: str) -> None:

@@ -18,7 +18,6 @@ from maipp.engine.decide import ask
 from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
 from maipp.engine.observe import turn
-from maipp.engine.owed import refuse_nan_waypoints
 from maipp.engine.rows import pick
 from maipp.engine.state import RECORD_FULL, State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
@@ -223,7 +222,7 @@ def run_missions(planner: Planner, missions: Mission, key: Key, *, first: int = 
     Mission i draws its randomness from `fold_in(key, first + i)`, so a mission's record does not depend on the batch
     it ran in, up to floating-point rounding of batched matrix products. `first` is the number of the batch's first
     mission where a longer batch runs in parts. Raises InputError for no-go zones that the planner does not avoid, and
-    for a planner whose `decide` does not answer as it owes to, waypoints that are not finite numbers among that.
+    for a planner whose `decide` does not answer as it owes to.
     """
     return _run(planner, missions, key, first, None)[0]
 
@@ -257,7 +256,6 @@ def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep |
             begun = _stopped_short(begun[0]), begun[1]
         longer = jax.device_get(_run_some(planner, some, begun, more, capacity, keep))
         done = _put_back(done, rest, longer)
-    refuse_nan_waypoints(planner, done[0], first)
     return done
 
 

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import parts_of
 from maipp.errors import InputError
-from maipp.planners.options import values_of
 from maipp.planners.registry import make_planner
 from maipp.scenario import Scenario
 from maipp.typing import Key
@@ -67,9 +66,8 @@ def given_planner(
 
 
 def _made_for(scenario: Scenario, planner: Planner) -> Planner:
-    """The planner for another scenario, with the options and arrays that it has; its parts are made anew."""
-    values = values_of(planner)
-    parts = {name: part.made(scenario, values) for name, part in parts_of(type(planner)).items()}
+    """The planner and its parts for another scenario, with the options and arrays that they have."""
+    parts = {name: dataclasses.replace(getattr(planner, name), scenario=scenario) for name in parts_of(type(planner))}
     return dataclasses.replace(planner, scenario=scenario, **parts)
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -50,7 +50,8 @@ class HeldOutWorlds:
     def evaluate(self, network: PolicyNetwork) -> HeldOut:
         """Run and score the planner with this network, which must lie on the default device alone."""
         began = time.perf_counter()
-        planner = dataclasses.replace(self._planner, network=network)  # type: ignore[type-var]  # modules are dataclasses
+        before: Any = self._planner
+        planner = dataclasses.replace(before, sampler=dataclasses.replace(before.sampler, network=network))
         states = run_missions(planner, self._missions, jax.random.key(EVALUATION_SEED))
         traces = np.asarray(score_missions(self._missions, states).trace, np.float64)
         se = float(traces.std(ddof=1)) / math.sqrt(len(traces)) if len(traces) > 1 else None
