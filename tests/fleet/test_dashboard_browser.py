@@ -1,7 +1,6 @@
 """The dashboard in a real browser: it draws, follows, survives a restart, fits a phone; the console stays clean."""
 
 import copy
-import shutil
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -16,21 +15,13 @@ from maipp.live.team import TeamSurvey
 from maipp.scenario import Scenario
 from tests.conftest import TINY_PLANNERS
 from tests.fleet.pages import PACE, Pretended, Shown, Visit
+from tests.shared.chromium import CHROMIUM, FLAGS, MARKS
 
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 sync_api = pytest.importorskip("playwright.sync_api")
 
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine (Debian's package of that name)"),
-    pytest.mark.slow,
-]
-# Nothing but the page itself: no updates, no first-run pages, no sandbox (absent in containers).
-FLAGS = (
-    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-).split()
+pytestmark = MARKS
 NASTY = "<b>\"Ünï</b><script>document.title='gone'</script>"
 SCENARIO = Scenario(agents=3, budget=1.2, start=(0.5, 0.5), end="start", grid=8, nodes=16, neighbours=5)
 

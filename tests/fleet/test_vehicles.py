@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from maipp import extensions
 from maipp.errors import InputError
 from maipp.fleet import vehicles
 from maipp.fleet.clock import VirtualClock
@@ -129,8 +130,8 @@ def test_a_package_that_fails_to_make_one_is_told(installed, place):
 
 
 def test_two_packages_of_one_name_are_told(monkeypatch):
-    points = [EntryPoint("canoe", "a:make", vehicles.GROUP), EntryPoint("canoe", "b:make", vehicles.GROUP)]
-    monkeypatch.setattr(vehicles, "entry_points", lambda group: points)
+    points = [EntryPoint("canoe", "a:make", extensions.VEHICLES), EntryPoint("canoe", "b:make", extensions.VEHICLES)]
+    monkeypatch.setattr(extensions, "entry_points", lambda group: points)
     with pytest.raises(InputError, match="--vehicle canoe: two packages bring one: a:make, b:make; remove one"):
         vehicles.maker_of("canoe")
 

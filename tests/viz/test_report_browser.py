@@ -2,7 +2,6 @@
 
 import dataclasses
 import io
-import shutil
 
 import numpy as np
 import pytest
@@ -12,20 +11,12 @@ from maipp.engine.episode import Episode
 from maipp.scenario import Scenario
 from maipp.team.told import Told
 from maipp.viz.report import SurveyReport, write_report
+from tests.shared.chromium import CHROMIUM, FLAGS, MARKS
 
 pytest.importorskip("plotly")
 sync_api = pytest.importorskip("playwright.sync_api")
 
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine (Debian's package of that name)"),
-    pytest.mark.slow,
-]
-# Nothing but the page itself: no updates, no first-run pages, no sandbox (absent in containers).
-FLAGS = (
-    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-).split()
+pytestmark = MARKS
 PATIENCE = 120_000  # milliseconds; only a page that never gets there waits so long
 NASTY = '</script ></script><b>"Ünï %{x}</b>'
 

@@ -133,8 +133,8 @@ def draw_missions(
     a pytree, or a plain function of points (n, 2) to values (n,), see `as_field`. `prior` are positions (domain units)
     and standardised values of samples taken before the survey, the same in every mission: whatever the team believes is
     conditioned on them. They may lie anywhere and on top of each other; none at all is the same as None. `prior_noise`
-    is their noise variance, for each or for all, in place of the
-    scenario's. `shape` is the scenario's own, or one that it shares with others (`shape_of`).
+    is their noise variance, for each or for all, in place of the scenario's. `shape` is the scenario's own, or one that
+    it shares with others (`shape_of`).
     Raises InputError for a seed out of range, where obstacles leave no room, and for prior samples that are not finite
     or do not match.
     """

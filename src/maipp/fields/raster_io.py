@@ -79,7 +79,7 @@ def load_raster(
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty")
         if reader is not None:
-            data = _read_by(reader, path, value, extent)
+            data = _read_by(reader.thing, path, value, extent)
         elif suffix in (".tif", ".tiff"):
             data = read_geotiff(path, value, extent, fill, crs)
         elif suffix in (".nc", ".nc4", ".cdf"):

@@ -4,17 +4,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, cast
 
 from maipp.errors import InputError
+from maipp.extensions import VEHICLES, extension, extensions
 from maipp.fleet.clock import Clock
 from maipp.fleet.vehicle import Vehicle
 from maipp.live.team import TeamSurvey
 from maipp.surveys.standardise import PreparedSurvey
 
-GROUP = "maipp.vehicles"
 _OURS = {"simulated": "maipp.fleet.simulation", "lines": "maipp.fleet.lines", "mavlink": "maipp.fleet.mavlink"}
 
 
@@ -37,24 +36,17 @@ Maker = Callable[[Place, Mapping[str, str]], Vehicle]
 
 def names() -> list[str]:
     """Of all vehicles that can be chosen."""
-    return sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))})
+    return sorted({*_OURS, *extensions(VEHICLES)})
 
 
 def maker_of(name: str) -> Maker:
     """What makes the vehicles of that name. Raises `InputError` for one that is not there, or cannot be loaded."""
     if name in _OURS:
         return import_module(_OURS[name]).make
-    points = [point for point in entry_points(group=GROUP) if point.name == name]
-    if not points:
+    brought = extension(VEHICLES, name, f"--vehicle {name}")
+    if brought is None:
         raise InputError(f"--vehicle {name}: not known; there is {', '.join(names())}")
-    if len({point.value for point in points}) > 1:
-        told = ", ".join(sorted(point.value for point in points))
-        raise InputError(f"--vehicle {name}: two packages bring one: {told}; remove one")
-    where = f"--vehicle {name}: {points[0].value}"
-    try:
-        make = points[0].load()
-    except Exception as error:  # whatever another package raises
-        raise InputError(f"{where} cannot be loaded: {_line(error)}") from None
+    where, make = f"--vehicle {name}: {brought.where}", brought.thing
     if not callable(make):
         raise InputError(f"{where} is no function that makes a vehicle")
     return partial(_made, cast(Maker, make), where)

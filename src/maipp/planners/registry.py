@@ -91,7 +91,7 @@ def find_planner(name: str | type) -> Registered:
         return Registered(name, name, "", {})
     brought = extension(PLANNERS, name, f"planner {name}")
     if brought is not None:
-        return Registered(name, brought, "", {})
+        return Registered(name, brought.thing, "", {})
     raise InputError(f"{unknown('planner', name, list(planner_names()))}, or path/to/file.py:ClassName")
 
 
