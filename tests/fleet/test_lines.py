@@ -1,81 +1,19 @@
-"""The lines vehicle: what a bridge sends and is told, word for word, and a bridge that restarts, stalls or dies."""
+"""The lines vehicle: what a bridge sends and is told, word for word."""
 
-import json
-import os
 import re
-import subprocess
-import sys
-import textwrap
-import time
-from functools import partial
 from typing import Any
 
 import pytest
 
 from maipp.fleet.clock import VirtualClock
-from maipp.fleet.line_streams import LineInput, LineOutput
 from maipp.fleet.lines import Lines, make
 from maipp.fleet.vehicle import Answered, Fix, Reached, Reading, Vehicle, Wish
 from maipp.live.request import LONGEST_LINE
-from maipp.live.units import Units
 from maipp.scenario import Scenario
 from tests.conftest import TINY_PLANNERS
+from tests.fleet.bridge import UNITS, Bridge, Sink, Source
 
-UNITS = Units((1.0, 1.0))
 SCENARIO = Scenario(agents=1, budget=1.3, start=(0.5, 0.5), grid=8, nodes=16, neighbours=5)
-
-
-class Source(LineInput):
-    """Lines that have come in."""
-
-    def __init__(self):
-        self.waiting, self.ended, self.number = [], False, 0
-
-    def take(self, most):
-        taken, self.waiting = self.waiting[:most], self.waiting[most:]
-        return taken
-
-    def wait(self, seconds):
-        pass
-
-
-class Sink(LineOutput):
-    """Lines that go out."""
-
-    problem = None
-
-    def __init__(self):
-        self.lines: list[Any] = []
-        self.closed = 0
-
-    def put(self, line, *, always=True):
-        self.lines.append(json.loads(line))
-        return True
-
-    def close(self):
-        self.closed += 1
-
-
-class Bridge:
-    """The other side of a lines vehicle."""
-
-    def __init__(self, gated=False):
-        self.clock, self.source, self.sink, self.told = VirtualClock(7.0), Source(), Sink(), []
-        presumed = Fix(7.0, (0.5, 0.5))
-        streams: Any = self.source, self.sink
-        self.vehicle = Lines("boat1", UNITS, self.clock, lambda: presumed, self.told.append, *streams, gated=gated)
-        self.heard()
-
-    def send(self, line: Any):
-        """A line from the bridge: bytes, or an object."""
-        self.source.number += 1
-        text = line if isinstance(line, bytes) else json.dumps(line).encode()
-        self.source.waiting.append((self.source.number, text))
-
-    def heard(self) -> list[Any]:
-        """What the bridge was told since the last call."""
-        lines, self.sink.lines = self.sink.lines, []
-        return lines
 
 
 @pytest.fixture
@@ -299,73 +237,6 @@ def test_a_robot_is_driven_through_its_whole_survey(make_team):
     assert lines[-1]["answer"] == "stop" and lines[-1]["reason"] == "budget"
     assert measured > 3 and [line["id"] for line in acknowledged] == [f"m{i + 1}" for i in range(measured)]
     assert len({line["event"] for line in acknowledged}) == measured
-
-
-def test_lines_come_in_whole_however_they_are_cut():
-    text = b"one\ntwo\r\n" + b"y" * (LONGEST_LINE + 70_000) + b"\nthree\n\nlast"
-    for size in (1 << 16, 3000):
-        chunks = iter([text[at : at + size] for at in range(0, len(text), size)])
-        source = LineInput(partial(lambda chunks, most: next(chunks, b""), chunks))
-        taken: list[tuple[int, bytes]] = []
-        while not source.ended:
-            source.wait(0.05)
-            taken += source.take(2)
-        assert [number for number, _ in taken] == [1, 2, 3, 4, 5, 6]
-        assert [line for _, line in taken[:2]] == [b"one", b"two"] and len(taken[2][1]) == LONGEST_LINE + 1
-        assert [line for _, line in taken[3:]] == [b"three", b"", b"last"]
-
-
-def test_a_bridge_that_does_not_read_loses_acknowledgements_but_no_orders():
-    written: list[bytes] = []
-    stuck = os.pipe()
-
-    def write(line):
-        os.read(stuck[0], 1)  # until the bridge reads
-        written.append(line)
-        return len(line)
-
-    sink = LineOutput(write)
-    kept = [sink.put(b"%d\n" % number, always=False) for number in range(1500)]
-    assert sink.put(b"go\n") and 1000 <= sum(kept) <= 1001
-    os.write(stuck[1], b"x" * 2000)
-    sink.close()
-    assert written[-1] == b"go\n" and len(written) == sum(kept) + 1
-
-
-def test_a_closed_bridge_is_told():
-    def write(line):
-        raise BrokenPipeError(32, "Broken pipe")
-
-    sink = LineOutput(write)
-    sink.put(b"x\n")
-    sink.close()
-    assert sink.problem == "Broken pipe"
-
-
-PROCESS = """
-    import sys
-    from maipp.fleet.line_streams import LineInput, LineOutput
-    source, sink = LineInput(), LineOutput()
-    sink.put(b"ready\\n")
-    source.wait(20.0)
-    for _, line in source.take(10):
-        sink.put(b"heard " + line + b"\\n")
-    sink.close()
-"""
-
-
-def test_a_process_ends_while_its_streams_are_open():
-    """A read that waits holds nothing that the interpreter needs to end."""
-    command = [sys.executable, "-c", textwrap.dedent(PROCESS)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdin and process.stdout and process.stderr
-        assert process.stdout.readline() == b"ready\n"
-        process.stdin.write(b"hello\n")
-        process.stdin.flush()
-        assert process.stdout.readline() == b"heard hello\n"
-        begun = time.monotonic()
-        assert process.wait(timeout=10) == 0 and time.monotonic() - begun < 10
-        assert process.stderr.read() == b""
 
 
 def test_it_is_made_with_a_wait_for_the_first_position(make_team, tmp_path, monkeypatch):

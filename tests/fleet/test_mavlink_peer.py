@@ -28,7 +28,7 @@ from maipp.fleet.vehicles import Place
 from maipp.live.team import TeamSurvey
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
-from tests.fleet.test_lines import Source
+from tests.fleet.bridge import Source
 
 LOSS, DOUBLE = 0.1, 0.1
 METRE = 1 / 111_320.0

@@ -14,6 +14,7 @@ from maipp.belief.refit import Hyperparameters
 from maipp.live.refits import Refits
 from maipp.live.sample import Sample
 from maipp.live.seen import Old, Seen, correlations
+from maipp.live.stuck import Rows, alike
 
 LEVEL = 5.0  # standard deviations; 6 in 10 million of Gaussian values are beyond
 
@@ -23,8 +24,6 @@ _LATEST, _ENOUGH, _NORMAL = 50, 8, 0.6745
 # Two measurements agree that are this alike under the kernel, and no farther from each other than so many standard
 # deviations. So many others must agree with one for it to be let in.
 _ALIKE, _APART, _OTHERS = 0.3, 3.0, 2
-# A sensor that gives one value so often is stuck, where the field should have varied by so many steps of it meanwhile.
-_STUCK, _STEPS = 5, 10.0
 
 
 class Verdict(NamedTuple):
@@ -53,11 +52,15 @@ class Gate:
         """`level` is in standard deviations, 0 lets all in; `old` samples are from before; `refits` fit the kernel."""
         self.level, self.guess, self._refits = level, kernel, refits
         self._seen = Seen(kernel, old)
-        self._given: list[tuple[Sample, str]] = []
+        self._rows = Rows()
+        # Of each sample judged: what it is marked as, where the judging stood, its surprise, what was made of it.
+        self._samples: list[Sample] = []
+        self._marks: list[str] = []  # "kept", "stuck" or nothing
         self._steps: list[_Step] = []
-        self._waiting: list[int] = []
         self._scores: list[float] = []
-        self._out: list[str | None] = []
+        self._verdicts: list[Verdict] = []
+        self._waiting: list[int] = []
+        self._out: set[int] = set()
 
     @property
     def kernel(self) -> Hyperparameters:
@@ -76,49 +79,65 @@ class Gate:
 
     def judge(self, samples: Sequence[Sample], kept: Collection[Sample] = ()) -> list[Verdict]:
         """The verdict on each of the samples, which are in the order of time; those `kept` count whatever they are."""
-        runs = _runs(samples)
-        if not self.level and self._refits is None:
-            return [Verdict(None, None, run) for run in runs]
+        samples = [*samples]
+        self._rows.turn_to(samples)
         start = self.guess if self._refits is None else self._refits.start(samples)
-        stuck = self._stuck(samples, runs, start) if self.level else [False] * len(samples)
-        given = [
-            (sample, "kept" if sample in kept else "stuck" if stuck[i] else "") for i, sample in enumerate(samples)
-        ]
+        marks = [""] * len(samples)
+        for index in self._rows.stuck(start) if self.level else ():
+            marks[index] = "stuck"
+        for sample in kept:
+            marks[samples.index(sample)] = "kept"
         if self._steps and self._steps[0].kernel != start:
             self._rewind(0)
-        if not self._given:
+        if not self._samples:
             self._seen.turn_to(start)
-        same = next((i for i, (a, b) in enumerate(zip(given, self._given, strict=False)) if a != b), None)
-        self._rewind(min(len(given), len(self._given)) if same is None else same)
-        for each in given[len(self._given) :]:
-            self._take(*each)
-        scores = self._scores if self.level else [None] * len(given)
-        return [Verdict(*each) for each in zip(scores, self._out, runs, strict=True)]
+        self._rewind(min(alike(samples, self._samples), alike(marks, self._marks)))
+        for index in range(len(self._samples), len(samples)):
+            self._take(samples[index], marks[index])
+        return [*self._verdicts]
+
+    @property
+    def out(self) -> list[int]:
+        """Which of the samples judged last do not count, in no order."""
+        return [*self._out]
 
     def _rewind(self, step: int) -> None:
         """Go back to where so many samples had been judged."""
-        if step < len(self._given):
+        if step < len(self._samples):
             for later in self._steps[step:]:
                 for each in later.let_in:
-                    self._out[each] = "surprise"
+                    self._decide(each, "surprise")
+            for each in [each for each in self._out if each >= step]:
+                self._out.discard(each)
             accepted, waiting, kernel, _ = self._steps[step]
             self._seen.rewind(accepted, kernel)
             self._waiting = [*waiting]
-            for parts in (self._given, self._steps, self._scores, self._out):
+            for parts in (self._samples, self._marks, self._steps, self._scores, self._verdicts):
                 del parts[step:]
+
+    def _decide(self, index: int, out: str | None) -> None:
+        """Whether one counts."""
+        self._verdicts[index] = self._verdicts[index]._replace(out=out)
+        (self._out.add if out else self._out.discard)(index)
 
     def _take(self, sample: Sample, mark: str) -> None:
         """Judge one more."""
         seen = self._seen
         step = _Step(seen.count, tuple(self._waiting), seen.kernel, [])
-        index = len(self._given)
-        self._given.append((sample, mark))
+        index = len(self._samples)
+        self._samples.append(sample)
+        self._marks.append(mark)
         self._steps.append(step)
-        self._out.append(None)
+        run = self._rows.runs[index]
+        if not self.level and self._refits is None:
+            self._scores.append(0.0)
+            self._verdicts.append(Verdict(None, None, run))
+            return
         expected = seen.expected(sample)
         self._scores.append(expected.score)
+        self._verdicts.append(Verdict(expected.score if self.level else None, None, run))
         if mark == "stuck":
-            self._out[index] = "stuck"
+            self._decide(index, "stuck")
         elif mark == "kept" or not self.level or abs(expected.score) <= self.level * self._usual():
             seen.accept(sample, expected)
         else:
@@ -130,11 +149,11 @@ class Gate:
             if len(agree) >= _OTHERS:
                 step.let_in.extend(agree)
                 for each in (*agree, index):
-                    self._out[each] = None
-                    seen.accept(self._given[each][0])
+                    self._decide(each, None)
+                    seen.accept(self._samples[each])
                 self._waiting = [other for other in self._waiting if other not in agree]
             else:
-                self._out[index] = "surprise"
+                self._decide(index, "surprise")
                 self._waiting.append(index)
         if self._refits is not None and self._refits.due(step.accepted - seen.old, seen.count - seen.old):
             seen.turn_to(self._refits.after(seen))
@@ -146,7 +165,7 @@ class Gate:
 
     def _agree(self, index: int, other: int) -> bool:
         """Whether two measurements beyond the level say the same of one place."""
-        a, b = self._given[index][0], self._given[other][0]
+        a, b = self._samples[index], self._samples[other]
         if a.stray or b.stray or (a.robot == b.robot and a.value == b.value):
             return False
         if self._scores[index] * self._scores[other] <= 0:
@@ -155,30 +174,3 @@ class Gate:
         shared = float(correlations(kernel, np.array([[a.x, a.y]]), np.array([[b.x, b.y]]))[0, 0])
         apart = float(np.sqrt(2 * (1 - shared) * kernel.std**2 + 2 * kernel.noise))
         return bool(shared >= _ALIKE and abs(a.value - b.value) <= _APART * self._usual() * apart)
-
-    def _stuck(self, samples: Sequence[Sample], runs: Sequence[int], kernel: Hyperparameters) -> list[bool]:
-        """Which samples are of a sensor that gives one value again and again; the first of a row may be right."""
-        stuck, members = [False] * len(samples), dict[int, list[int]]()
-        values = np.unique([sample.value for sample in samples])
-        step = float(np.diff(values).min()) if len(values) > 1 else 0.0  # what the sensor rounds to, at most
-        for index, (sample, run) in enumerate(zip(samples, runs, strict=True)):
-            row = members[sample.robot] = [*(members.get(sample.robot, []) if run > 1 else []), index]
-            if run < _STUCK:
-                continue
-            places = np.array([(samples[i].x, samples[i].y) for i in row])
-            varied = kernel.std * np.sqrt(2 * (1 - correlations(kernel, places[:1], places).min()))
-            if varied > _STEPS * (step or np.sqrt(kernel.noise)):
-                for i in row[1:]:
-                    stuck[i] = True
-        return stuck
-
-
-def _runs(samples: Sequence[Sample]) -> list[int]:
-    """How often in a row each sample's robot measured this value, up to it."""
-    last: dict[int, tuple[float, int]] = {}
-    runs = []
-    for sample in samples:
-        value, run = last.get(sample.robot, (None, 0))
-        last[sample.robot] = sample.value, run + 1 if value == sample.value else 1
-        runs.append(last[sample.robot][1])
-    return runs

@@ -31,6 +31,23 @@ class Decision(NamedTuple):
     kept: bool  # it counts whatever it is; else it is withdrawn
 
 
+class Verdicts(NamedTuple):
+    """What is made of the measurements that are not withdrawn."""
+
+    samples: list[Sample]  # in the order of time
+    verdicts: list[Verdict]
+    out: set[Sample]  # those that do not count, and those that are withdrawn
+
+    def of(self, sample: Sample) -> Verdict | None:
+        """The verdict on one of them; None: it is withdrawn."""
+        return self.verdicts[self.samples.index(sample)] if sample in self.samples else None
+
+    @property
+    def counted(self) -> list[Sample]:
+        """Those that count, in the order of time."""
+        return [sample for sample, verdict in zip(self.samples, self.verdicts, strict=True) if verdict.out is None]
+
+
 class Measurements:
     """The measurements so far, and which of them count.
 
@@ -48,7 +65,7 @@ class Measurements:
 
     def __len__(self) -> int:
         """How many count."""
-        return sum(verdict.out is None for verdict in self.verdicts().values())
+        return len(self._ordered) - len(self.verdicts().out)
 
     def add(self, sample: Sample, report: str) -> None:
         """Take in a measurement; `report` is the id of the event that told it."""
@@ -72,32 +89,37 @@ class Measurements:
         """Whether the report has come."""
         return report in self._ids
 
+    def has(self, sample: Sample) -> bool:
+        """Whether the measurement has come, under whatever report."""
+        return sample in self._seen
+
     def verdicts(
         self, more: tuple[Sample, str] | None = None, decided: Mapping[str, Decision] | None = None
-    ) -> dict[Sample, Verdict]:
-        """The verdict on each measurement that is not withdrawn, in the order of time.
+    ) -> Verdicts:
+        """What is made of the measurements.
 
         As if one `more`, with the id of its report, had come, and the decisions `decided` had been made.
         """
-        ids, ordered = self._ids, [*self._ordered]
-        if more is not None:
-            ids = ids | {more[1]: more[0]}
-            if more[0] not in self._seen:
-                insort(ordered, more[0])
+        given, extra = [*self._ordered], {} if more is None else {more[1]: more[0]}
+        if more is not None and more[0] not in self._seen:
+            insort(given, more[0])
         decisions = dict(self._decisions)
         for report, decision in (decided or {}).items():
             decisions[report] = max(decision, decisions.get(report, decision))
         latest: dict[Sample, Decision] = {}
         for report, decision in decisions.items():
-            if report in ids:
-                latest[ids[report]] = max(decision, latest.get(ids[report], decision))
-        given = [sample for sample in ordered if sample not in latest or latest[sample].kept]
-        kept = {sample for sample, decision in latest.items() if decision.kept}
-        return dict(zip(given, self._gate.judge(given, kept), strict=True))
+            sample = extra.get(report) or self._ids.get(report)
+            if sample is not None:
+                latest[sample] = max(decision, latest.get(sample, decision))
+        withdrawn = {sample for sample, decision in latest.items() if not decision.kept}
+        for sample in withdrawn:
+            given.remove(sample)
+        verdicts = self._gate.judge(given, latest.keys() - withdrawn)
+        return Verdicts(given, verdicts, withdrawn.union(given[index] for index in self._gate.out))
 
     def reports(self, samples: Collection[Sample]) -> list[str]:
         """The ids of the reports that told these measurements, in order."""
-        return sorted(report for report, sample in self._ids.items() if sample in samples)
+        return sorted(report for report, sample in self._ids.items() if sample in samples) if samples else []
 
     @property
     def everything(self) -> list[tuple[str, Sample, str | None]]:
@@ -105,7 +127,7 @@ class Measurements:
         verdicts, first = self.verdicts(), dict[Sample, str]()
         for report, sample in sorted(self._ids.items(), reverse=True):
             first[sample] = report
-        out = {sample: verdict.out for sample, verdict in verdicts.items()}
+        out = {sample: verdict.out for sample, verdict in zip(*verdicts[:2], strict=True)}
         return [(first[sample], sample, out.get(sample, "withdrawn")) for sample in self._ordered]
 
     @property
@@ -143,8 +165,9 @@ class Measurements:
         """
         if self._slots is None:
             mean, scale = self.standard
-            counted = [sample for sample, verdict in self.verdicts().items() if verdict.out is None]
-            own = [[sample for sample in counted if sample.robot == robot] for robot in range(self._robots)]
+            own: list[list[Sample]] = [[] for _ in range(self._robots)]
+            for sample in self.verdicts().counted:
+                own[sample.robot].append(sample)
             each = room_for(max(map(len, own)), self._room)
             x, y = np.zeros((self._robots, each, 2), self._real), np.zeros((self._robots, each), self._real)
             time = np.full((self._robots, each), np.inf, self._real)

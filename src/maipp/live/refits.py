@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from typing import Annotated, Any
 
 import numpy as np
@@ -32,7 +33,7 @@ class Refits:
         guess = self.prior.guess
         if self.prior.level_known:
             return guess
-        values = [sample.value for sample in samples if not sample.stray][:_FIRST]
+        values = [*islice((sample.value for sample in samples if not sample.stray), _FIRST)]
         if len(values) < 3:
             factor, mean = _ANY, guess.mean
         else:

@@ -84,7 +84,8 @@ def _belief(
 
 
 def _samples(record: Record) -> list[TakenSample]:
-    verdicts, samples = record.measurements.verdicts(), []
+    judged, samples = record.measurements.verdicts(), []
+    verdicts = dict(zip(judged.samples, judged.verdicts, strict=True))
     for report, sample, reason in record.measurements.everything:
         event, answer = record.reports[report]
         verdict = verdicts.get(sample)
