@@ -1,5 +1,6 @@
 """Settings every test runs under. They must be in place before jax or maipp is first imported."""
 
+import gc
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -55,6 +56,13 @@ settings.load_profile("maipp")
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 30_000  # Linux allows a process 65,530 by default, and LLVM dies without a word beyond
+
+
+def pytest_collection_finish():
+    """Tracing makes many objects: what the imports left is not looked through for garbage again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 50)
 
 
 def pytest_collection_modifyitems(items):
