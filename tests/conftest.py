@@ -33,7 +33,7 @@ install_import_hook("maipp", "beartype.beartype")
 
 TINY = {"agents": 2, "grid": 8, "nodes": 12, "neighbours": 4, "measurement_interval": 1.0}
 
-# Every planner, with options that compile quickly.
+# Every planner, with options that compile quickly; `ti-star` is `intent-paths` with other options.
 _SEARCH = {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}
 _PATHS = {"weights": "untrained", "paths": 2, "steps": 2}
 TINY_PLANNERS = {
@@ -46,7 +46,7 @@ TINY_PLANNERS = {
     "sga-catnipp": {"weights": "untrained"},
     "di": _PATHS,
     "ti": _PATHS,
-    "ti-star": _PATHS,
+    "intent-paths": _PATHS,
     "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
 }
 

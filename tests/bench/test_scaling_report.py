@@ -11,7 +11,7 @@ from maipp.bench.scaling import Cost
 from maipp.bench.scaling_report import Results, read_json, to_markdown, write_json, write_report
 from maipp.errors import InputError
 
-SETTINGS = {"planner": ["shared-greedy", "ti-star"], "seed": 0}
+SETTINGS = {"planner": ["shared-greedy", "intent-paths"], "seed": 0}
 COSTS = [
     Cost(planner, "grid", 10, 500, grid, 200, 1.5 * grid, 2.0 * grid, 30, 4.0, 0.25 * grid, 1.0)
     for planner in SETTINGS["planner"]
@@ -32,7 +32,7 @@ def test_all_files_are_written(tmp_path):
 
 def test_the_page_has_exponents_points_and_errors():
     page = to_markdown(Results(SETTINGS, COSTS, ERRORS))
-    assert "| `ti-star` | grid | 1.00 | 1.00 | 1.00 |" in page
+    assert "| `intent-paths` | grid | 1.00 | 1.00 | 1.00 |" in page
     assert "| `shared-greedy` | grid | 10 | 500 | 60 | 200 | 90.0 | 120.0 | 4.0 | 15.0 | 1.0 |" in page
     assert "| 1500 | 0.2 | 0.25 | 1 | 3.5 | 1.230 % |" in page
     assert "float64" not in to_markdown(Results(SETTINGS, COSTS, []))

@@ -109,8 +109,8 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
     table = TABLES["table1"]
     assert [row.name for row in table.chosen(["sga-rrt"])] == ["sga-rrt-0.9", "sga-rrt-0.6", "sga-rrt-0.3"]
     assert [row.name for row in table.chosen(["ti-5-star", "random"])] == ["ti-5-star", "random"]
-    assert table.chosen([]) == tuple(row for row in table.rows if row.name != "ti-star-reencode")
-    assert [row.name for row in table.chosen(["ti-star-reencode"])] == ["ti-star-reencode"]
+    assert table.chosen([]) == tuple(row for row in table.rows if row.name != "intent-paths-reencode")
+    assert [row.name for row in table.chosen(["intent-paths-reencode"])] == ["intent-paths-reencode"]
     with pytest.raises(InputError, match=r"no row 'rndom' \(did you mean random\?\)"):
         table.chosen(["rndom"])
 
@@ -124,7 +124,7 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
         ("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
-        ("ti-star", {"weights": "untrained", "paths": 2, "steps": 2}),
+        ("intent-paths", {"weights": "untrained", "paths": 2, "steps": 2}),
     ],
 )
 def test_planners_compiled_in_a_shared_shape_do_the_same(planner, options):

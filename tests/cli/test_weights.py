@@ -55,7 +55,7 @@ def test_weights_go_to_the_planners_that_have_them(weights, tmp_path, capsys):
 
 
 def test_every_planner_with_a_policy_gets_them(weights):
-    planners = ("greedy", "sga-catnipp", "di", "ti", "ti-star")
+    planners = ("greedy", "sga-catnipp", "di", "ti", "intent-paths")
     rows = _rows(Evaluate(planner=planners, weights=str(weights), settings=(("steps=2",),)))
     assert [options for *_, options in rows] == [
         {},
@@ -95,7 +95,7 @@ def test_what_is_wrong_with_the_file_is_one_line(command, weights, tmp_path, cap
 def test_weights_for_nobody_are_refused(command, weights, capsys):
     assert main([*command, *TINY, "--planner", "greedy", "--weights", str(weights)]) == 2
     expected = "error: --weights: no planner given has a policy; give --planner, one or more of sga-catnipp, di, ti, "
-    assert capsys.readouterr().err == f"{expected}ti-star, intent-search\n"
+    assert capsys.readouterr().err == f"{expected}ti-star, intent-paths, intent-search\n"
 
 
 @pytest.mark.parametrize("kind", [Plan, Evaluate])

@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--traffic", action="store_true")
     flags = parser.parse_args()
     if flags.traffic:
-        for planner in ("ti-star", "receding-horizon"):
+        for planner in ("intent-paths", "receding-horizon"):
             traffic(planner)
     else:
         learn(flags.robots, flags.measurements)

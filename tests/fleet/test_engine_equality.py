@@ -23,7 +23,7 @@ from tests.conftest import TINY_PLANNERS
 from tests.shared.stepped import Stepped
 
 SEED = 4
-PLANNERS = ("ti", "ti-star", "receding-horizon", "intent-search")
+PLANNERS = ("ti", "intent-paths", "receding-horizon", "intent-search")
 SCENARIO = Scenario(agents=3, budget=1.3, grid=8, nodes=16, neighbours=5)
 
 

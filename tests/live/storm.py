@@ -3,7 +3,7 @@
 Meanwhile zones come, move and go, and the threshold and the robots' speeds change.
 
     python tests/live/storm.py --events 10000 --kills 100
-    python tests/live/storm.py --latency receding-horizon ti-star intent-search
+    python tests/live/storm.py --latency receding-horizon intent-paths intent-search
 
 First an undisturbed run makes the events: a team that follows what `maipp live` answers. Then all of them, and copies,
 are sent in another order to a second process, which is killed (SIGKILL) at random moments, at start-up too, and whose

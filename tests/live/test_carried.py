@@ -66,10 +66,10 @@ def test_a_sweep_that_was_changed_is_begun_anew():
     assert forgot == ["memories"] and other.memory == other.earlier == 0
 
 
-@pytest.mark.parametrize("planner", ["receding-horizon", "intent-search", "ti-star", "lawnmower"])
+@pytest.mark.parametrize("planner", ["receding-horizon", "intent-search", "intent-paths", "lawnmower"])
 def test_what_a_planner_begins_with_is_known_without_making_it(planner):
     scenario = Scenario(agents=4, start=(0.5, 0.5), grid=8, nodes=12, neighbours=4)
-    options = {"weights": "untrained"} if planner in ("ti-star", "intent-search") else {}
+    options = {"weights": "untrained"} if planner in ("intent-paths", "intent-search") else {}
     built = make_planner(planner, scenario, options)
     setup = make_setup(scenario, planner, options, 0, ["a", "b", "c", "d"], Units(scenario.extent))
     worlds = Worlds(draw_world(built, scenario, 0), setup)

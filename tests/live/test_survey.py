@@ -264,7 +264,7 @@ def test_wrong_teams_are_told(make):
 def test_a_policy_s_memory_and_intents_outlive_the_process(scenario, team, tmp_path):
     def opened(name):
         options = {"weights": "untrained", "paths": 4, "steps": 2}
-        return LiveSurvey.from_scenario(scenario, "ti-star", options, journal=tmp_path / name)
+        return LiveSurvey.from_scenario(scenario, "intent-paths", options, journal=tmp_path / name)
 
     with opened("whole") as survey:
         start = [0.5, 0.5]

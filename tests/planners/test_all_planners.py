@@ -32,6 +32,7 @@ QUICK = {
     "di": {"weights": "untrained", "choose": "sample", "paths": 3, "steps": 2},
     "ti": {"weights": "untrained", "choose": "sample", "paths": 3, "steps": 2},
     "ti-star": {"weights": "untrained", "paths": 3, "steps": 2},
+    "intent-paths": {"weights": "untrained", "paths": 3, "steps": 2},
     "intent-search": {
         "weights": "untrained",
         "paths": 3,
@@ -86,8 +87,8 @@ PAIRS = [
     for name in CASES
     for setting in SCENARIOS
     if (setting == "team" or name not in VARIANTS)
-    # Compiling is slow, and `di` and `ti` are `ti-star` with other options.
-    and (setting == "team" or name not in ("di", "ti"))
+    # Compiling is slow, and the others are `intent-paths` with other options.
+    and (setting == "team" or name not in ("di", "ti", "ti-star"))
 ]
 WALLED = [name for name, setting in PAIRS if setting == "walled"]
 on_a_walled_roadmap = pytest.mark.parametrize("name", [name for name in WALLED if name in ROADMAP])

@@ -26,7 +26,7 @@ CASES = {
     "sga-catnipp": ("sga-catnipp", {}),
     "di": ("di", {"paths": 4}),
     "ti": ("ti", {"paths": 4}),
-    "ti-star": ("ti-star", {"paths": 4}),
+    "intent-paths": ("intent-paths", {"paths": 4}),
     "intent-search": ("intent-search", LEGS | {"paths": 6, "nodes": 4}),
 }
 

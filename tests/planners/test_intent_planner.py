@@ -1,4 +1,4 @@
-"""`di`, `ti`, `ti-star`: what they tell, whom they count on, and which way they go."""
+"""`di`, `ti`, `intent-paths`: what they tell, whom they count on, and which way they go."""
 
 import equinox as eqx
 import jax

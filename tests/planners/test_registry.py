@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maipp.cli.main import main
 from maipp.errors import InputError
 from maipp.planners import (
     make_planner,
     planner_class,
     planner_names,
+    planner_note,
     planner_options,
     planner_summary,
     register,
@@ -133,12 +135,12 @@ def test_the_paper_s_three_intent_planners_are_one_class_with_presets():
     names = ("intent", "choose", "paths", "steps")
     given = {
         name: tuple({option.name: option.default for option in planner_options(name)}[key] for key in names)
-        for name in ("di", "ti", "ti-star")
+        for name in ("di", "ti", "intent-paths")
     }
     assert given == {
         "di": ("destination", "likeliest", 8, 3),
         "ti": ("trajectory", "likeliest", 8, 5),
-        "ti-star": ("trajectory", "best", 8, 5),
+        "intent-paths": ("trajectory", "best", 8, 5),
     }
     assert {option.name for option in planner_options("ti")}.isdisjoint({"network", "scenario"})
 
@@ -298,3 +300,16 @@ def test_a_class_can_be_registered_itself(still, clean_registry):
 def test_a_name_that_looks_like_a_target_is_refused(name, clean_registry):
     with pytest.raises(InputError, match="give a word"):
         register(name, "maipp.planners.greedy:Greedy")
+
+
+def test_ti_star_is_the_paper_s_and_old_options_say_so_too(capsys):
+    """And the name says that its meaning has changed."""
+    old = {"rank": "stationary", "share": "samples", "distinct": False, "keep": False, "meet": False, "recall": False}
+    paper, ours = (
+        make_planner(name, Scenario(), {"weights": "untrained"} | old) for name in ("ti-star", "intent-paths")
+    )
+    default = make_planner("ti-star", Scenario(), {"weights": "untrained"})
+    assert values_of(paper) == values_of(ours) == values_of(default)
+    assert main(["evaluate", "--planner", "ti-star", "--set", "paths=0"]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note == f"note: {planner_note('ti-star')}" and "intent-paths" in note and error.startswith("error: ")

@@ -104,8 +104,8 @@ def test_smoke_runs_start_to_finish_and_improves_on_its_start(tmp_path):
     done = subprocess.run(arguments, env=environment, timeout=900, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
-    # The behaviour that is trained, steps sampled. Held out, ti-star has little to gain in so few updates: it ranks its
-    # paths by their outcome, so that even random weights start low.
+    # The behaviour that is trained, steps sampled. Held out, intent-paths has little to gain in so few updates: it
+    # ranks its paths by their outcome, so that even random weights start low.
     ended = [row for row in rows if row.get("missions_ended")]
     assert np.isfinite([row["loss"] for row in rows if "loss" in row]).all()
     start, end = (

@@ -26,7 +26,7 @@ SURVEY, INTENTS, CURVES, STABILITY = "survey.png", "intents.png", "curves.png", 
 CURVES_CSV, PAGE = "curves.csv.gz", "figures.md"
 # The planner in Fig. 1, and the decision in Fig. 3: late enough that the agent has a belief, early enough that all
 # paths have budget left.
-_SURVEYED, _DECISION = "ti-star", 9
+_SURVEYED, _DECISION = "intent-paths", 9
 
 Told = Callable[[str], None]
 

@@ -80,7 +80,7 @@ def under_way(scenario: Scenario, planner: Planner, *, seed: int, count: int) ->
     )
 
 
-PLANNERS = ("shared-greedy", "receding-horizon", "ti-star")
+PLANNERS = ("shared-greedy", "receding-horizon", "intent-paths")
 
 # The axes, and where on each of them the others are varied.
 AXES: dict[str, tuple[int, ...]] = {

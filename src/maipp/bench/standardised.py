@@ -27,7 +27,7 @@ from maipp.planners import planner_options
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 
-PLANNERS = ("ti-star", "shared-greedy", "receding-horizon", "lawnmower")
+PLANNERS = ("intent-paths", "shared-greedy", "receding-horizon", "lawnmower")
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class TableFlags(SweepFlags):
     """seed of the worlds"""
 
     planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW|PLANNER [...]", help_behavior_hint="")] = ()
-    """rows to compute, by their own name or their planner's; left out: all but ti-star-reencode"""
+    """rows to compute, by their own name or their planner's; left out: all but intent-paths-reencode"""
 
     reference: Annotated[str | None, tyro.conf.arg(metavar="ROW", help_behavior_hint="")] = None
     """row that the others are paired with; left out: the table's own"""

@@ -14,7 +14,7 @@ from maipp.bench.comparison import Comparison, compare
 from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of, save_evaluations, to_json
 from maipp.bench.evaluation_file import find, merged, read_evaluations, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
-from maipp.cli.notes import counting_bar, notes_console, results_console
+from maipp.cli.notes import counting_bar, notes_console, results_console, tell_of
 from maipp.cli.options import FieldFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
@@ -208,6 +208,7 @@ def _rows(flags: Evaluate, field: Raster | None = None) -> list[_Row]:
         raise InputError(f"--reference: {flags.reference} is none of the planners given, {', '.join(planners)}")
     names = {planner: {option.name for option in planner_options(planner)} for planner in planners}
     flags.check_weights(planners)
+    tell_of(planners)
     given = flags.planner_options()
     rows = []
     for budget in flags.budget or (None,):

@@ -1,7 +1,11 @@
 """What commands say beside their results: lines and bars on standard error."""
 
+from collections.abc import Iterable
+
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from maipp.planners import planner_note
 
 _PIPE = 1000  # columns
 
@@ -17,6 +21,13 @@ def results_console(stderr: bool = False) -> Console:
 def notes_console() -> Console:
     """Standard error as it is: nothing highlighted, long lines left to the terminal."""
     return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def tell_of(planners: Iterable[str]) -> None:
+    """Say what is to be known of these planners' names, if anything."""
+    for note in dict.fromkeys(map(planner_note, planners)):
+        if note:
+            notes_console().print(f"note: {note}", markup=False)
 
 
 def counting_bar(notes: Console, unit: str) -> Progress:

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from maipp.cli.notes import tell_of
 from maipp.cli.options import FieldFlags
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
@@ -91,6 +92,7 @@ def survey(
     from maipp.planners import make_planner
 
     built = make_planner(planner, scenario, options)  # before any work
+    tell_of([planner])
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with (

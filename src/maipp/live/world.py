@@ -22,6 +22,7 @@ from maipp.live.refits import Refits
 from maipp.live.seen import Old
 from maipp.live.site import Site
 from maipp.live.units import Units
+from maipp.planners import planner_note
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
 from maipp.typing import Float, Key
@@ -115,6 +116,8 @@ class Setup:
             dataclasses.asdict(self.units),
             world.scenario.to_dict(),
             *([] if self.adapt is None else [self.adapt._asdict()]),
+            # A name that has changed its meaning is another one.
+            *filter(None, [planner_note(self.planner)]),
         ]
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
         mission = world.mission

@@ -1,4 +1,4 @@
-"""`di`, `ti`, `ti-star`: agents that sample their own future, tell it as a Gaussian, and move by the policy.
+"""`di`, `ti`, `ti-star`, `intent-paths`: agents sample their own future, tell it as a Gaussian, and move by the policy.
 
 Source: Yang et al. 2023, Sec. IV-B (intent), IV-C (policy), V (DI, TI and TI*).
 """

@@ -28,20 +28,22 @@ class Registered(NamedTuple):
     target: "str | type"  # `package.module:Class`, `path/to/file.py:Class`, or the class itself
     summary: str
     presets: Mapping[str, Any]  # options that differ from the class's defaults
+    note: str = ""  # what who asks for it by this name should know, on one line
 
 
 _REGISTERED: dict[str, Registered] = {}
 
 
-def register(name: str, target: "str | type", *, summary: str = "", **presets: Any) -> None:
+def register(name: str, target: "str | type", *, summary: str = "", note: str = "", **presets: Any) -> None:
     """Give a planner class a name, with some of its options preset; a name that exists is replaced.
 
     `target` is the class or, so that it is imported only when used, `package.module:Class` or `path/to/file.py:Class`.
+    `note` is told whoever asks for it on the command line.
     Raises `InputError` for a name that the command line could not tell from a target.
     """
     if not name or ":" in name or any(c.isspace() for c in name):
         raise InputError(f"planner name {name!r}: give a word without colons and spaces, such as my-planner")
-    _REGISTERED[name] = Registered(name, target, summary, presets)
+    _REGISTERED[name] = Registered(name, target, summary, presets, note)
 
 
 register("random", "maipp.planners.random_walk:RandomWalk", summary="uniform random walk on the roadmap")
@@ -61,8 +63,19 @@ register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy
 _INTENT = "maipp.planners.intent:IntentPlanner"
 register("di", _INTENT, summary="policy; intent over where sampled paths end", intent="destination", steps=3)
 register("ti", _INTENT, summary="policy; intent over all nodes of sampled paths")
-_STAR = {"choose": "best", "rank": "expected", "share": "best", "distinct": True, "keep": True}
-register("ti-star", _INTENT, summary="as ti, and goes along the best of the sampled paths", **_STAR)
+# The paper ranks paths with the others standing still, tells an intent fitted to all, and meets nobody at the end.
+_STAR = {"choose": "best", "rank": "stationary", "meet": False, "recall": False}
+register(
+    "ti-star",
+    _INTENT,
+    summary="the paper's TI*: as ti, and goes along the best of the sampled paths",
+    note="ti-star is the paper's TI* since version 0.2; what was called so before is intent-paths",
+    **_STAR,
+)
+_OURS = {"choose": "best", "rank": "expected", "share": "best", "distinct": True, "keep": True}
+register(
+    "intent-paths", _INTENT, summary="as ti, goes along the best of the sampled paths, and tells that one", **_OURS
+)
 register(
     "intent-search",
     "maipp.planners.intent_search:IntentSearch",
@@ -93,6 +106,11 @@ def find_planner(name: str | type) -> Registered:
     if brought is not None:
         return Registered(name, brought.thing, "", {})
     raise InputError(f"{unknown('planner', name, list(planner_names()))}, or path/to/file.py:ClassName")
+
+
+def planner_note(name: str) -> str:
+    """What who asks for a planner by this name should know, on one line, if anything."""
+    return _REGISTERED[name].note if name in _REGISTERED else ""
 
 
 def planner_class(name: str | type) -> "type[maipp.engine.decision.Planner]":

@@ -19,7 +19,7 @@ BEST = "best.safetensors"  # in the folder of a training run
 def load_policy(name: str | PathLike[str]) -> PolicyNetwork:
     """The trained network of this name, or of a file or run folder that `maipp train` wrote.
 
-    There are `ti` (for `di`, `ti` and `ti-star`) and `sga-catnipp`; of a run folder the best weights are taken.
+    There are `ti` (for `di`, `ti`, `ti-star`, `intent-paths`) and `sga-catnipp`; of a run folder the best are taken.
     Raises InputError for another name, where this copy of the package came without the weights, and for what is no
     such file.
     """

@@ -12,6 +12,7 @@ from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.geo import Crs, GeoReference, unwrap, wrap
+from maipp.planners import planner_note
 from maipp.records import FieldError
 from maipp.scenario import Scenario
 from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
@@ -95,7 +96,12 @@ def prepare(
     every = [*starts, *itertools.chain.from_iterable(ends)]
     space = free_space(place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told, survey.ashore_m)
     prior = find_prior(survey, place, space)
-    warnings = [*place.warnings, *space.warnings, *prior.warnings]
+    warnings = [
+        *place.warnings,
+        *space.warnings,
+        *prior.warnings,
+        *filter(None, [planner_note(planner or survey.planner)]),
+    ]
     scenario = _scenario(survey, prior, space, warnings)
     x, y = _thinned(prior, warnings)
     name = planner or survey.planner

@@ -39,7 +39,8 @@ class TrainConfig:
     """
 
     policy: Literal["ti", "sga-catnipp"] = described(
-        "ti", "what is trained: `ti` (with intents; for `di`, `ti`, `ti-star`) or `sga-catnipp` (without)"
+        "ti",
+        "what is trained: `ti` (with intents; `di`, `ti`, `ti-star`, `intent-paths`) or `sga-catnipp` (without)",
     )
     seed: Annotated[int, Within(0, most=LARGEST_SEED - TRAINING_SEEDS, wide=True)] = described(
         0, "of everything random: first weights, worlds, steps, shuffling"

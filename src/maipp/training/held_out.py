@@ -19,7 +19,7 @@ from maipp.training.ranges import middle
 # Apart from the seeds 0, 1, 2... that people give to `maipp evaluate` and to training.
 EVALUATION_SEED = 1_720_934_515
 
-PLANNERS = {"ti": "ti-star", "sga-catnipp": "sga-catnipp"}  # who moves by the network that is trained
+PLANNERS = {"ti": "intent-paths", "sga-catnipp": "sga-catnipp"}  # who moves by the network that is trained
 
 
 class HeldOut(NamedTuple):

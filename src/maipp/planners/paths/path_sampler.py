@@ -88,7 +88,7 @@ class PathSampler(eqx.Module):
 
     @property
     def missions_per_core(self) -> int:
-        """8: on 128 missions at B = 3 it took `sga-catnipp` 1.5 times as long with 32, `ti-star`, `di` 1.2 times."""
+        """8: on 128 missions at B = 3 `sga-catnipp` took 1.5 times as long with 32, `di` 1.2 times."""
         return 8
 
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
