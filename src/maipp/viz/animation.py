@@ -5,13 +5,19 @@ import subprocess
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib import colormaps
+from matplotlib.animation import FFMpegWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.path import Path
 from matplotlib.ticker import LogFormatter
+from PIL import Image
 
 from maipp.engine.episode import Episode
 from maipp.errors import InputError
@@ -45,13 +51,13 @@ from maipp.viz.style import (
     bare_axes,
     halo,
     new_figure,
-    rendered,
 )
 
 _DPI = 80
 _FRAMES = 52  # moving ones
 _HELD = 8  # times the last one is shown
 _PER_SECOND = 10
+_SHADES, _GREYS = 108, 24  # of each map and of text, in the palette of a gif
 _INSTANT = 1e-5  # times this close are the same
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.6, 0.65, 0.65, 0.45  # margins, inches
@@ -91,6 +97,21 @@ class _Map:
             trail.set_data(*np.concatenate([route[agent.route_time < time], place[None]]).T)
             here.set_data(*place[:, None])
         self._dots.set_data(*self._spots[self._spot_times <= time + _INSTANT].T)
+
+
+class _Backdrop(Artist):
+    """Pixels that are put behind everything else as they are."""
+
+    def __init__(self, figure: Figure) -> None:
+        super().__init__()
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        self._pixels = canvas.copy_from_bbox(figure.bbox)
+        self.set_zorder(-1)
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Put them there."""
+        renderer.restore_region(self._pixels)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 class Film:
@@ -138,7 +159,7 @@ class Film:
         left, top = _LEFT / whole[0], 1 - 0.12 / whole[1]
         backdrop.text(left, top, headline(episode), fontsize=LARGE, weight="bold", va="top")
         self._text = self.figure.text(1 - _RIGHT / whole[0], top, "", fontsize=MEDIUM, color=GREY, va="top", ha="right")
-        self.figure.figimage(rendered(backdrop), zorder=-1)
+        self.figure.add_artist(_Backdrop(backdrop), clip=False)
 
     def show(self, frame: int) -> Figure:
         """The figure at this frame."""
@@ -151,6 +172,13 @@ class Film:
         self._now.set_data([time], [traces[past][-1]])
         self._text.set_text(f"time {time:.2f}   Tr(P) = {traces[past][-1]:.3g}")
         return self.figure
+
+    def picture(self, frame: int) -> np.ndarray:
+        """The pixels of this frame (rows, columns, rgb), 8 bits each."""
+        canvas = self.show(frame).canvas
+        assert isinstance(canvas, FigureCanvasAgg)
+        canvas.draw()
+        return np.array(canvas.buffer_rgba())[..., :3]
 
     def _prepare_curve(self, axes: Axes) -> None:
         """Limits, labels and grid of the plot of Tr(P) over time."""
@@ -176,15 +204,15 @@ def save_animation(
     film = Film(episode, frames)
     if FFMpegWriter.isAvailable():
         try:
-            return _write(film, FFMpegWriter(fps=_PER_SECOND), f"{stem}.mp4", progress)
+            return _write_mp4(film, f"{stem}.mp4", progress)
         except (subprocess.CalledProcessError, InputError):
             pass  # an ffmpeg that does not start, or lacks the H.264 encoder; a gif needs no help
-    return _write(film, PillowWriter(fps=_PER_SECOND), f"{stem}.gif", progress)
+    return _write_gif(film, f"{stem}.gif", progress)
 
 
-def _write(film: Film, writer: AbstractMovieWriter, path: str, progress: Progress | None) -> str:
-    """Every frame through this writer into `path`."""
-    count = len(film.times)
+def _write_mp4(film: Film, path: str, progress: Progress | None) -> str:
+    """Every frame into `path`, the last one held."""
+    count, writer = len(film.times), FFMpegWriter(fps=_PER_SECOND)
     with atomic_path(path) as temporary, writer.saving(film.figure, temporary, film.figure.dpi):
         for number in range(count + _HELD):
             film.show(min(number, count - 1))
@@ -192,3 +220,26 @@ def _write(film: Film, writer: AbstractMovieWriter, path: str, progress: Progres
             if progress is not None:
                 progress(number + 1, count + _HELD)
     return path
+
+
+def _write_gif(film: Film, path: str, progress: Progress | None) -> str:
+    """The same; all frames have one palette: to find one for each takes as long as to draw it."""
+    count, pictures, palette = len(film.times), list[Image.Image](), Image.new("P", (1, 1))
+    palette.putpalette(_colours(len(film.episode.agents)).tobytes())
+    for number in range(count):
+        picture = Image.fromarray(film.picture(number))
+        pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
+        if progress is not None:
+            progress(number + 1, count)
+    shown = [1000 // _PER_SECOND] * (count - 1) + [1000 // _PER_SECOND * (_HELD + 1)]  # ms
+    with atomic_path(path) as temporary:
+        pictures[0].save(temporary, "GIF", save_all=True, append_images=pictures[1:], duration=shown, loop=0)
+    return path
+
+
+def _colours(agents: int) -> np.ndarray:
+    """The palette of a gif (at most 256, 3), 8 bits each: the colours of both maps, greys, and those of the agents."""
+    greys = np.linspace(0, 1, _GREYS)
+    maps = [colormaps[name](np.linspace(0, 1, _SHADES))[:, :3] for name in (VALUE_MAP, STD_MAP)]
+    own = np.array([to_rgb(agent_colour(index)) for index in range(min(agents, 256 - _GREYS - 2 * _SHADES))])
+    return np.round(255 * np.concatenate([np.repeat(greys[:, None], 3, axis=1), *maps, own])).astype(np.uint8)

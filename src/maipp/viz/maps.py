@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from contourpy import contour_generator
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
@@ -126,13 +127,12 @@ def area_outline(axes: Axes, episode: Episode, surplus: Float[np.ndarray, " q"],
 
 def outline_paths(episode: Episode, surplus: Float[np.ndarray, "k q"]) -> list[Path]:
     """The outline of the region where each row of `surplus` is not negative, file coordinates."""
-    axes = Figure().add_subplot()
     x, y = _grid_lines(episode)
-    empty = Path(np.empty((0, 2)))
-    return [
-        empty if row.max() < 0 or row.min() >= 0 else axes.contour(x, y, as_picture(episode, row), [0.0]).get_paths()[0]
-        for row in surplus
-    ]
+    paths = []
+    for row in surplus:
+        lines = contour_generator(x, y, as_picture(episode, row), line_type="Separate").lines(0.0)
+        paths.append(Path.make_compound_path(*(Path(np.asarray(line)) for line in lines)))
+    return paths
 
 
 def _grid_lines(episode: Episode) -> list[Float[np.ndarray, " g"]]:

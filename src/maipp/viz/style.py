@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -79,10 +78,3 @@ def bare_axes(figure: Figure, like: Axes) -> Axes:
         other = like.spines[name]
         spine.set(linewidth=other.get_linewidth(), color=other.get_edgecolor(), visible=other.get_visible())
     return axes
-
-
-def rendered(figure: Figure) -> np.ndarray:
-    """The figure's pixels (rows, columns, rgba)."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba()).copy()
