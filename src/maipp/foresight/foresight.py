@@ -1,0 +1,35 @@
+"""The protocol between whoever foresees the field and whoever asks."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from maipp.belief import Belief
+from maipp.foresight.law import Law
+from maipp.problem import Problem
+from maipp.scenario import Scenario
+from maipp.typing import Array, Float
+
+
+class Foresight(eqx.Module):
+    """Base of all foresights: a pytree whose weights and fitted numbers are arrays.
+
+    `scenario` is the one that it was made for; while it is compiled it is a `Problem` with the same names, of which
+    what sets sizes is a Python value and any other number (`threshold`, `extent`) an array. All methods must be
+    traceable by JAX, and are vmapped over missions.
+    """
+
+    scenario: Scenario | Problem
+
+    @abstractmethod
+    def __call__(self, belief: Belief) -> Law:
+        """The law of the field on the evaluation grid.
+
+        `belief` is the protocol's, its `query` the evaluation grid (x slowest), and holds real measurements alone: they
+        are `belief.y` at `belief.x` where `belief.mask`, of noise variance `belief.noise` plus `belief.extra_noise`
+        (None: zero). There may be none at all.
+        """
+
+    def at(self, belief: Belief, points: Float[Array, "p 2"]) -> Law:
+        """The law at any points (domain units), given the same belief."""
+        return self(belief.on(points))
