@@ -20,7 +20,7 @@ from maipp.planners.announced.told import latest
 from maipp.planners.paths.path_sampler import Choice, PathSampler
 from maipp.planners.paths.paths import Paths, Situation
 from maipp.planners.roadmap.edges import roadmap_of
-from maipp.planners.search.prospect import aim_of, check_foresight, foresight_for, prospect_of
+from maipp.planners.search.prospect import aim_of, check_aim, foresight_for, prospect_of
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
@@ -74,7 +74,7 @@ class IntentPlanner(Planner):
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
         if not self.spread >= 0:
             raise InputError(f"spread={self.spread}: give a number >= 0")
-        check_foresight(self.foresight, self.aim, self.scenario)
+        check_aim(self.aim)
         if self.foreseer is not None and self.rank != "expected":
             raise InputError(f"foresight={self.foresight}: paths are ranked by rank={self.rank}; give rank=expected")
 
@@ -155,7 +155,7 @@ class IntentPlanner(Planner):
         prospect = prospect_of(self.foreseer, observation.belief, self.interest)
         if prospect is not None:
             aim = aim_of(self.foresight, self.aim)
-            return prospect.expected_trace(self.interest, mean, variance, known, inside, aim=aim, blur=_BLUR)
+            return prospect.expected_trace(self.interest, variance, known, inside, aim=aim, blur=_BLUR)
         # Who takes planned values for zero has no doubt about them.
         spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
         return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=_BLUR)

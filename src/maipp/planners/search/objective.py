@@ -56,7 +56,7 @@ class Objective(NamedTuple):
     ) -> Float[Array, "*c"]:
         """The Tr(P) expected of the measured values, which leave the variance `known`."""
         if prospect is not None:
-            return prospect.expected_trace(self.interest, mean, variance, known, inside, aim=self.aim, blur=self.blur)
+            return prospect.expected_trace(self.interest, variance, known, inside, aim=self.aim, blur=self.blur)
         return self.interest.expected_trace(mean, variance, known, inside, spread=self._trusted(), blur=self.blur)
 
     def _trusted(self) -> Real:

@@ -22,7 +22,7 @@ from maipp.planners.search.first_leg import FirstLeg, depart
 from maipp.planners.search.objective import Objective
 from maipp.planners.search.optimiser import Finalists, SearchOptions, search
 from maipp.planners.search.outlook import Ahead, Outlook
-from maipp.planners.search.prospect import Prospect, aim_of, check_foresight, foresight_for, prospect_of
+from maipp.planners.search.prospect import Prospect, aim_of, check_aim, foresight_for, prospect_of
 from maipp.problem import Problem
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
@@ -92,7 +92,7 @@ class PlanSearch(eqx.Module):
             raise InputError(f"spread={self.spread}: give a number >= 0, or none")
         if self.spread is not None and self.foreseer is not None:
             raise InputError(f"spread={self.spread}: a foresight, or an aim, has a spread of its own; leave it out")
-        check_foresight(self.foresight, self.aim, self.scenario)
+        check_aim(self.aim)
 
     @property
     def legs(self) -> int:

@@ -21,7 +21,8 @@ _AIM = 0.4
 class Prospect(NamedTuple):
     """What is foreseen at the grid points, worked out once a decision."""
 
-    law: Law
+    mean: Float[Array, " q"]  # of the belief, given what is measured: from where planned measurements will move it
+    law: Law  # of the truth
     interesting: Float[Array, " q"]  # probability that the truth is of high interest
 
     def at(self, index: Int[Array, " i"]) -> "Prospect":
@@ -31,7 +32,6 @@ class Prospect(NamedTuple):
     def expected_trace(
         self,
         interest: Interest,
-        mean: Float[Array, "*c q"],
         variance: Float[Array, "*c q"],
         known: Float[Array, " q"],
         inside: Bool[Array, " q"],
@@ -42,11 +42,11 @@ class Prospect(NamedTuple):
         """Tr(P) expected once planned measurements have been taken, as in `Interest.expected_trace`.
 
         There the belief's mean moves around where it is; here the part `rho = 1 - variance / known` of the way to the
-        field that is foreseen. `aim` is the weight of the probability that a point is of interest, and one less it that
-        of the probability that the belief will take it for such.
+        field that is foreseen, whatever the scenario takes planned values for. `aim` is the weight of the probability
+        that a point is of interest; the rest is that of the probability that the belief will take it for such.
         """
         told = jnp.clip(1.0 - variance / jnp.maximum(known, 1e-8), 0.0, 1.0)
-        moved = mean + told * (self.law.mean - mean)
+        moved = self.mean + told * (self.law.mean - self.mean)
         width = jnp.sqrt(told * self.law.deviation**2 + blur**2)
         # The square root has no slope at a variance of zero; a point that well known weighs nothing.
         bound = interest.bound(moved, jnp.maximum(variance, 1e-8))
@@ -63,7 +63,7 @@ def prospect_of(foresight: Foresight | None, belief: Belief, interest: Interest)
     if foresight is None:
         return None
     law = foresight(belief)
-    return Prospect(law, law.above(interest.threshold))
+    return Prospect(belief.mean, law, law.above(interest.threshold))
 
 
 def aim_of(name: ForesightName, aim: float | None) -> float:
@@ -86,12 +86,7 @@ def foresight_for(
     return make_foresight(name, scenario)
 
 
-def check_foresight(name: ForesightName, aim: float | None, scenario: ScenarioLike) -> None:
-    """Raise InputError for an aim out of range, and where planned values are not to be foreseen."""
+def check_aim(aim: float | None) -> None:
+    """Raise InputError for an aim out of range."""
     if aim is not None and not 0.0 <= aim <= 1.0:
         raise InputError(f"aim={aim}: give a number from 0 to 1, or none")
-    if scenario.virtual_value == "zero" and (name != "protocol" or aim):
-        raise InputError(
-            f"foresight={name}, aim={aim_of(name, aim):g}: plans take what is not measured yet for zero "
-            "(scenario.virtual_value); give scenario.virtual_value=mean, or neither option"
-        )
