@@ -1,6 +1,8 @@
 """The protocol between whoever foresees the field and whoever asks."""
 
+import dataclasses
 from abc import abstractmethod
+from typing import TypeVar
 
 import equinox as eqx
 
@@ -9,6 +11,8 @@ from maipp.foresight.law import Law
 from maipp.problem import Problem
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
+
+F = TypeVar("F", bound="Foresight")
 
 
 class Foresight(eqx.Module):
@@ -20,6 +24,10 @@ class Foresight(eqx.Module):
     """
 
     scenario: Scenario | Problem
+
+    def on(self: F, problem: Problem) -> F:
+        """The same for compiled code: this problem in place of the scenario."""
+        return dataclasses.replace(self, scenario=problem)
 
     @abstractmethod
     def __call__(self, belief: Belief) -> Law:
