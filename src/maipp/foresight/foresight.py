@@ -1,10 +1,10 @@
 """The protocol between whoever foresees the field and whoever asks."""
 
-import dataclasses
 from abc import abstractmethod
 from typing import TypeVar
 
 import equinox as eqx
+import jax
 
 from maipp.belief import Belief
 from maipp.foresight.law import Law
@@ -26,8 +26,12 @@ class Foresight(eqx.Module):
     scenario: Scenario | Problem
 
     def on(self: F, problem: Problem) -> F:
-        """The same for compiled code: this problem in place of the scenario."""
-        return dataclasses.replace(self, scenario=problem)
+        """The same, and those that it is made of, for compiled code: this problem in place of the scenario."""
+        return jax.tree.map(
+            lambda node: problem if isinstance(node, Scenario) else node,
+            self,
+            is_leaf=lambda node: isinstance(node, Scenario),
+        )
 
     @abstractmethod
     def __call__(self, belief: Belief) -> Law:
