@@ -20,7 +20,7 @@ FLOORS = (
     ("geo", "per_agent", "scenario", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
-    ("policy", "viz", "missions", "environments", "adapters"),
+    ("foresight", "policy", "viz", "missions", "environments", "adapters"),
     ("planners",),
     ("training",),
     ("bench", "surveys", "live", "results", "fleet"),

@@ -30,6 +30,7 @@ class Belief(eqx.Module):
 
     kernel: Kernel
     x: Float[Array, "n 2"]  # measured positions, domain units
+    y: Float[Array, " n"]  # measured values; they mean something where the mask is True
     mask: Bool[Array, " n"]  # True where a slot holds a measurement
     inverse_factor: Float[Array, "n n"]  # L^-1 of K(X, X) + noise I
     whitened_values: Float[Array, " n"]  # L^-1 y
@@ -38,6 +39,7 @@ class Belief(eqx.Module):
     mean: Float[Array, " q"]  # posterior mean at the query points
     variance: Float[Array, " q"]  # posterior variance at the query points, >= 0
     noise: Float[Array, ""]  # noise variance actually used
+    extra_noise: Float[Array, " n"] | None = None  # what that of each measurement exceeds it by; None: nothing
     # Of a belief whose slots hold only a part of what is known (`belief/window.py`), else None:
     survey: Survey | None = None  # all of it
     shrink: Float[Array, " q"] | None = None  # std at the query points given all of it, over that given the slots
@@ -165,6 +167,7 @@ def condition(
     return Belief(
         kernel=kernel,
         x=x,
+        y=y,
         mask=mask,
         inverse_factor=inverse,
         whitened_values=whitened_values,
@@ -173,6 +176,7 @@ def condition(
         mean=whitened_values @ whitened_query,
         variance=variance,
         noise=nugget,
+        extra_noise=extra_noise,
     )
 
 
@@ -221,9 +225,13 @@ def extend(
     innovation = jnp.where(mask, -(rows @ belief.whitened_values), 0.0) if virtual_value == "zero" else jnp.zeros(p)
     values = inverse @ innovation.astype(x.dtype)
     effect = belief.effect(query_rows)
+    expected = jnp.zeros(p, x.dtype) if virtual_value == "zero" else rows @ belief.whitened_values
+    extra_noise = belief.extra_noise
     return dataclasses.replace(
         belief,
         x=jnp.concatenate([belief.x, x]),
+        y=jnp.concatenate([belief.y, expected]),
+        extra_noise=None if extra_noise is None else jnp.concatenate([extra_noise, jnp.zeros(p, x.dtype)]),
         mask=jnp.concatenate([belief.mask, mask]),
         inverse_factor=inverse_factor,
         whitened_values=jnp.concatenate([belief.whitened_values, values]),
