@@ -32,6 +32,7 @@ FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 IMPORT_NAMES = {
     "eclipse-zenoh": "zenoh",
     "pyyaml": "yaml",
+    "pillow": "PIL",
     "scikit-learn": "sklearn",
     "tensorboardx": "tensorboardX",
 }
