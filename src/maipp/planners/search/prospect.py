@@ -15,7 +15,7 @@ from maipp.typing import Array, Bool, Float, Int
 
 # How much of a plan's worth lies in places that are likely of interest instead of predicted so, where a foresight says
 # which these are (docs/foresight.md has the measurements behind this).
-_AIM = 0.4
+_AIM = 0.55
 
 
 class Prospect(NamedTuple):
@@ -67,7 +67,7 @@ def prospect_of(foresight: Foresight | None, belief: Belief, interest: Interest)
 
 
 def aim_of(name: ForesightName, aim: float | None) -> float:
-    """The aim: as given, else 0.4 where there is a foresight other than the protocol's."""
+    """The aim: as given, else 0.55 where there is a foresight other than the protocol's."""
     if aim is not None:
         return aim
     return 0.0 if name == "protocol" else _AIM
