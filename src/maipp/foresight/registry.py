@@ -7,7 +7,7 @@ from maipp.foresight.foresight import Foresight
 from maipp.records import unknown
 from maipp.scenario import Scenario
 
-ForesightName = Literal["protocol"]
+ForesightName = Literal["protocol", "fitted"]
 FORESIGHTS: tuple[str, ...] = get_args(ForesightName)
 
 
@@ -17,4 +17,8 @@ def make_foresight(name: str, scenario: Scenario) -> Foresight:
         from maipp.foresight.protocol import ProtocolForesight
 
         return ProtocolForesight(scenario)
+    if name == "fitted":
+        from maipp.foresight.fitted import fitted_foresight
+
+        return fitted_foresight(scenario)
     raise InputError(unknown("foresight", name, list(FORESIGHTS)))
