@@ -8,8 +8,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.scipy.special import ndtr
 
+from maipp.belief import Belief
 from maipp.foresight.law import Law
-from maipp.typing import Array, Bool, Extent, Float, Mask, Points, Real, Vector
+from maipp.typing import Array, Extent, Float, Real
 
 MAPS = (
     "fitted mean",
@@ -21,7 +22,6 @@ MAPS = (
     "density of measurements",
     "values nearby",
     "distance to the nearest measurement",
-    "inside",
     "ones",
 )
 NUMBERS = (
@@ -55,16 +55,12 @@ class Family(NamedTuple):
     width: Real  # of what they are made of, domain units
 
 
-class Known(NamedTuple):
-    """The measurements, and the rules of the survey."""
+class Rules(NamedTuple):
+    """The numbers of a survey that matter."""
 
-    x: Points  # domain units
-    y: Vector  # field units
-    mask: Mask
-    noise: Real  # variance
-    threshold: Real
+    threshold: Real  # field units
     length_scale: Real  # of the belief's kernel, domain units
-    signal_variance: Real  # likewise
+    signal_variance: Real  # likewise, field units squared
     extent: Extent
 
 
@@ -79,19 +75,19 @@ class Foretold(NamedTuple):
 
 
 def features(
-    family: Family, known: Known, told: Foretold, inside: Bool[Array, " q"], lattice: Float[Array, "q 2"]
+    family: Family, rules: Rules, belief: Belief, told: Foretold, lattice: Float[Array, "q 2"]
 ) -> tuple[Float[Array, "q c"], Float[Array, " g"]]:
     """The maps at the points of a lattice, columns as in `MAPS`, and the numbers, as in `NUMBERS`."""
-    mask, unit = known.mask, family.deviation
+    mask, unit = belief.mask, family.deviation
 
     def standard(value: Array | Real) -> Array:
         return jnp.asarray((value - family.mean) / unit)
 
-    fitted, value = told.fitted, jnp.where(mask, standard(known.y), 0.0)
-    offset = lattice[:, None] - known.x
+    fitted, value = told.fitted, jnp.where(mask, standard(belief.y), 0.0)
+    offset = lattice[:, None] - belief.x
     squared = jnp.where(mask, jnp.sum(offset * offset, axis=-1), 4.0 * _FARTHEST**2)
     # As wide as the lattice is fine.
-    spacing = jnp.max(jnp.asarray(known.extent)) / (lattice.shape[0] ** 0.5 - 1.0)
+    spacing = jnp.max(jnp.asarray(rules.extent)) / (lattice.shape[0] ** 0.5 - 1.0)
     near = jnp.where(mask, jnp.exp(-0.5 * squared / spacing**2), 0.0)
     density = jnp.sum(near, axis=1)
     nearest = jnp.sqrt(jnp.min(squared, axis=1, initial=4.0 * _FARTHEST**2))
@@ -102,11 +98,10 @@ def features(
         jnp.log(share) / 3.0,
         standard(told.mean),
         told.deviation,
-        ndtr((fitted.mean - known.threshold) / (share * unit)),
+        ndtr((fitted.mean - rules.threshold) / (share * unit)),
         jnp.minimum(density, 3.0),
         (near @ value) / (density + 0.1),
         jnp.minimum(nearest, _FARTHEST) / _FARTHEST,
-        inside.astype(value.dtype),
         jnp.ones_like(nearest),
     )
     count = jnp.sum(mask)
@@ -117,15 +112,15 @@ def features(
         jnp.where(count > 0, jnp.min(value, where=mask, initial=9.0), 0.0),
         jnp.sum(value) / some,
         jnp.max(standard(fitted.mean)),
-        standard(known.threshold),
-        jnp.log(known.length_scale / 0.45),
-        jnp.log(jnp.maximum(known.noise / unit**2, 1e-5)) / 5.0 + 1.0,
+        standard(rules.threshold),
+        jnp.log(rules.length_scale / 0.45),
+        jnp.log(jnp.maximum(belief.noise / unit**2, 1e-5)) / 5.0 + 1.0,
         family.mean / unit,
         jnp.log(unit / 0.25),
         jnp.log(family.width / 0.1),
-        jnp.log(known.extent[0]),
-        jnp.log(known.extent[1]),
-        jnp.log(known.signal_variance),
+        jnp.log(rules.extent[0]),
+        jnp.log(rules.extent[1]),
+        jnp.log(rules.signal_variance),
         (told.family_evidence / some + jnp.where(count > 0, jnp.log(unit), 0.0)) / 2.0,
         (told.kernel_evidence / some + jnp.where(count > 0, jnp.log(unit), 0.0)) / 2.0,
         jnp.clip((told.family_evidence - told.kernel_evidence) / 10.0, -3.0, 3.0),

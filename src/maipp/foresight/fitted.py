@@ -13,7 +13,7 @@ from maipp.typing import Array, Float
 # Logarithm of the odds, before anything is measured, that a field which comes from no file is of the scenario's family.
 # In fields of the family the measurements themselves say so by some 3 after nine of them and 8 after thirty; in fields
 # that are not, standardised values for instance, a few measurements outweigh these odds.
-_ODDS = 8.0
+ODDS = 8.0
 
 
 class FittedForesight(Foresight):
@@ -38,7 +38,7 @@ class FittedForesight(Foresight):
         own = own_kernel(belief)
         if self.bumps is None:
             return own.law
-        return averaged(self.bumps.given(belief, self.scenario.extent, side), own, _ODDS)
+        return averaged(self.bumps.given(belief, self.scenario.extent, side), own, ODDS)
 
 
 def fitted_foresight(scenario: Scenario) -> FittedForesight:

@@ -11,6 +11,10 @@ from maipp.typing import Array, Bool, Float, Int, Key
 
 # Upper ends of the groups of measurement counts in which it was calibrated and in which it knows its inputs.
 COUNTS = (0, 3, 8, 15, 24, 36, 60)
+
+# Points per side of the network's lattice, whatever the evaluation grid.
+CELLS = 15
+
 GROUPS = len(COUNTS) + 1
 
 

@@ -6,8 +6,9 @@ field, as those of a plan are given what is known, and few routes serve for any 
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,14 +16,12 @@ import numpy as np
 
 from maipp.engine import Mission, draw_missions, run_missions
 from maipp.errors import InputError
-from maipp.fields.mixture import evaluation_grid
 from maipp.files import atomic_path
 from maipp.planners import make_planner
-from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario
 from maipp.training.config import TRAINING_SEEDS
 from maipp.training.foresight.config import ForesightConfig
-from maipp.typing import Array, Bool, Float, Int
+from maipp.typing import Array, Float, Int
 
 FOLDER = "bank"
 
@@ -52,7 +51,7 @@ class Routes(NamedTuple):
 
     x: Float[Array | np.ndarray, "r n 2"]
     count: Int[Array | np.ndarray, " r"]
-    layout: Int[Array | np.ndarray, " r"]  # row of `insides`; the first has no zones
+    layout: Int[Array | np.ndarray, " r"]  # of no-go zones; 0: none
     length_scale: Float[Array | np.ndarray, " r"]  # of the beliefs that planned them, domain units
 
 
@@ -65,37 +64,39 @@ class _Part(NamedTuple):
 
 def parts(config: ForesightConfig) -> list[_Part]:
     """What the bank is made of."""
-    room = [min(size, config.team[1]) for size in (_SMALL, _LARGE)]
+    room = {size: min(size, config.team[1]) for size in (_SMALL, _LARGE)}
+    shares = [row for row in _SHARES if row[0] in config.planners and (row[1] == _SMALL or config.team[1] > _SMALL)]
+    whole = sum(share for *_, share in shares)
     free = [
-        _Part(name, room[size == _LARGE], 0, math.ceil(config.surveys * (1.0 - config.zoned) * share))
-        for name, size, share in _SHARES
+        _Part(name, room[size], 0, math.ceil(config.surveys * (1.0 - config.zoned) * share / whole))
+        for name, size, share in shares
     ]
-    each = math.ceil(config.surveys * config.zoned / (2 * len(_LAYOUTS)))
-    zoned = [
-        _Part(name, room[0], layout, each)
-        for layout in range(1, len(_LAYOUTS) + 1)
-        for name in ("receding-horizon", "lawnmower")
-    ]
+    among = [name for name in ("receding-horizon", "lawnmower") if name in config.planners]
+    each = math.ceil(config.surveys * config.zoned / max(len(among) * len(_LAYOUTS), 1))
+    zoned = [_Part(name, room[_SMALL], layout, each) for layout in range(1, len(_LAYOUTS) + 1) for name in among]
     return free + (zoned if config.zoned else [])
 
 
-def insides(cells: int) -> Bool[np.ndarray, "l q"]:
-    """Which points of a lattice of `cells` a side lie outside the zones of each layout; the first has none."""
-    points = np.asarray(evaluation_grid(cells))
-    return np.stack([np.ones(len(points), bool), *(Obstacles(zones).free(points) for zones in _LAYOUTS)])
-
-
-def make_bank(config: ForesightConfig, out: Path, tell: Any = None) -> Routes:
+def make_bank(
+    config: ForesightConfig,
+    out: Path,
+    tell: Callable[[str], None] = lambda text: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Routes | None:
     """The routes of this configuration; parts that are in the folder are read, the others simulated and written.
 
-    Raises InputError for a part that cannot be read or written.
+    None where `stopped` says so between two parts. Raises InputError for a part that cannot be read or written.
     """
     rows = []
-    for number, part in enumerate(parts(config)):
+    every = parts(config)
+    for number, part in enumerate(every):
         path = out / FOLDER / f"{number:02d}.npz"
         if not path.exists():
-            if tell is not None:
-                tell(f"routes {number + 1} of {len(parts(config))}: {part.surveys} of {part.planner}, {part.agents} robots")
+            if stopped():
+                return None
+            tell(
+                f"routes {number + 1} of {len(every)}: {part.surveys} of {part.planner}, room for {part.agents} robots"
+            )
             _write(path, _simulated(config, number, part))
         rows.append(_read(path))
     return Routes(*(np.concatenate(arrays) for arrays in zip(*rows, strict=True)))

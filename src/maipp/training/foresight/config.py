@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, NoReturn, no_type_check
 
 from maipp.records import FieldError, Within, described, settle, show
-from maipp.records.kinds import Ascending, AtLeast1, Finite, NotNegative, Positive, Real
+from maipp.records.kinds import Ascending, AtLeast1, Each, Finite, NotNegative, Positive, Real
 from maipp.seeds import LARGEST_SEED
 from maipp.training.config import TRAINING_SEEDS
 
@@ -29,6 +29,9 @@ class ForesightConfig:
     # The bank of routes
     surveys: AtLeast1 = described(1200, "surveys simulated for their routes; a field of its own comes with each sample")
     zoned: _Share = described(0.15, "share of them among no-go zones")
+    planners: Each[str] = described(
+        ("receding-horizon", "shared-greedy", "random", "lawnmower"), "who is simulated, of these four"
+    )
     team: Ascending[AtLeast1] = described((1, 10), "`[fewest, most]` robots of a survey")
     budget: Ascending[Positive] = described((2.0, 5.0), "each survey's budget is drawn from this range, domain units")
     slots: AtLeast1 = described(96, "measurements of a sample at most")
@@ -41,11 +44,10 @@ class ForesightConfig:
     noise: Ascending[Positive] = described((1e-6, 1e-2), "variance of the measurement noise, drawn by its logarithm")
     processes: _Share = described(0.2, "share of samples whose field is a draw of a Gaussian process")
     # The network
-    cells: Annotated[int, Within(4, most=64)] = described(15, "points per side of the network's lattice")
-    width: Annotated[int, Within(4, most=512)] = described(48, "channels at half of that resolution")
+    width: Annotated[int, Within(4, most=512)] = described(48, "channels at its coarser resolution; even")
     blocks: Annotated[int, Within(1, most=32)] = described(3, "residual blocks there")
     # Optimisation
-    updates: AtLeast1 = described(240, "updates in all")
+    updates: AtLeast1 = described(140, "updates in all")
     steps: AtLeast1 = described(50, "gradient steps of an update")
     batch: Annotated[int, Within(2, wide=True)] = described(32, "samples of a gradient step")
     area: NotNegative = described(3.0, "weight of the log loss of the area in the loss")
@@ -55,13 +57,17 @@ class ForesightConfig:
     gradient_norm: Finite = described(1.0, "gradients are scaled down to at most this norm")
     # Along the way
     validation: AtLeast1 = described(512, "samples that every evaluation is made on, of seed 770001")
-    evaluate_every: AtLeast1 = described(20, "updates between two evaluations")
+    evaluate_every: AtLeast1 = described(10, "updates between two evaluations")
     checkpoint_seconds: _Above0 = described(120.0, "least time between two checkpoints, seconds")
 
     def __post_init__(self) -> None:
         settle(self, _WHERE, typed=True)
         if self.noise[0] <= 0:
             self._wrong("noise", "give [low, high] with 0 < low")
+        if unknown := set(self.planners) - set(ForesightConfig.planners):
+            self._wrong("planners", f"{sorted(unknown)[0]} is none of {', '.join(ForesightConfig.planners)}")
+        if self.width % 2:
+            self._wrong("width", "give an even number")
         if self.gradient_norm <= 0:
             self._wrong("gradient_norm", "give a number > 0")
 
@@ -85,7 +91,19 @@ no_type_check(ForesightConfig.__init__)
 NAMED: dict[str, ForesightConfig] = {
     "default": ForesightConfig(),
     "smoke": ForesightConfig(
-        surveys=12, slots=16, budget=(1.0, 2.0), team=(1, 2), cells=8, width=8, blocks=1, updates=4, steps=5, batch=8,
-        validation=16, evaluate_every=2,
+        surveys=16,
+        zoned=0.0,
+        planners=("lawnmower",),
+        team=(1, 2),
+        budget=(1.0, 2.0),
+        slots=16,
+        width=16,
+        blocks=1,
+        updates=8,
+        steps=10,
+        batch=16,
+        learning_rate=5e-3,
+        validation=64,
+        evaluate_every=4,
     ),
 }

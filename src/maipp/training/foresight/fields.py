@@ -55,9 +55,9 @@ def families_of(scenarios: list[Scenario]) -> Families:
     )
 
 
-def most_bumps(scenarios: list[Scenario]) -> int:
+def most_bumps() -> int:
     """Bumps that any of the families' fields may have."""
-    return max(each.mixture_components[1] for each in scenarios)
+    return max(each.mixture_components[1] for each in family_scenarios())
 
 
 def draw_bumps(key: Key, families: Families, family: Index, most: int) -> GaussianMixture:
