@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 
 from maipp.belief import Belief
@@ -15,7 +14,7 @@ from maipp.foresight.model import CELLS, FieldModel, group_of
 from maipp.foresight.own_kernel import own_kernel
 from maipp.foresight.weighed import averaged
 from maipp.scenario import Scenario
-from maipp.typing import Array, Bool, Extent, Float, Int, Real
+from maipp.typing import Array, Bool, Extent, Float, Int
 
 
 class Correction(NamedTuple):

@@ -1,9 +1,7 @@
 """What the learned foresight knows: its network, and of what it was trained on as much as it takes to tell a stranger."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 
 from maipp.foresight.features import MAPS, NUMBERS
 from maipp.foresight.network import FieldNetwork
