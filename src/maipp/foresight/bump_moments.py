@@ -28,9 +28,7 @@ def _moments(
     components: tuple[int, int], variance: tuple[float, float], extent: tuple[float, float], side: int
 ) -> tuple[np.ndarray, ...]:
     """The fields of `Bumps`."""
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    low, high = variance
-    widths, weights = np.sqrt(low + (high - low) * (nodes + 1) / 2), weights / 2
+    widths, weights = widths_of(variance)
     axes = [np.linspace(0.0, length, side) for length in extent]
     fields = _draw(components, variance, axes).reshape(_DRAWS, -1)
     # A part of the grid is enough to compare at.
@@ -47,6 +45,15 @@ def _moments(
         within, between = measured.mean() / shared.mean(), 0.0
     signal = np.diag(measured).mean()
     return widths, weights, np.array(level), np.array(within), np.array(between), np.array(signal)
+
+
+def widths_of(variance: tuple[float, float]) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Widths and weights that stand for those of all bumps, whose squares are uniform within `variance`."""
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    low, high = np.sqrt(variance)
+    widths = low + (high - low) * (nodes + 1) / 2
+    # The density of a width is proportional to it.
+    return widths, weights * widths / np.sum(weights * widths)
 
 
 @jax.jit

@@ -98,7 +98,7 @@ class Bumps(eqx.Module):
         return Weighed(law, evidence)
 
 
-def _inside(x: Float[Array, "*n k"], width: Float[Array, " k"], side: Real) -> Float[Array, "*n k"]:
+def _inside(x: Float[Array, "*n"], width: Float[Array, " k"], side: Real) -> Float[Array, "*m k"]:
     """The part of a bump around x, of this variance, that lies within the axis."""
     root = jnp.sqrt(width)
     return ndtr((side - x) / root) - ndtr(-x / root)

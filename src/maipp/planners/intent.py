@@ -6,6 +6,7 @@ Source: Yang et al. 2023, Sec. IV-B (intent), IV-C (policy), V (DI, TI and TI*).
 import dataclasses
 from typing import Literal, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -13,11 +14,13 @@ from maipp.belief import Belief, to_rank
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import option, part
 from maipp.errors import InputError
+from maipp.foresight import Foresight, ForesightName
 from maipp.planners.announced.intents import with_intents
 from maipp.planners.announced.told import latest
 from maipp.planners.paths.path_sampler import Choice, PathSampler
 from maipp.planners.paths.paths import Paths, Situation
 from maipp.planners.roadmap.edges import roadmap_of
+from maipp.planners.search.prospect import aim_of, check_aim, foresight_for, prospect_of
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
@@ -40,6 +43,7 @@ class IntentPlanner(Planner):
     """Samples `paths` trajectories of `steps` nodes from the policy, and tells the others a Gaussian fitted to them."""
 
     sampler: PathSampler = part(PathSampler)
+    foreseer: Foresight | None = eqx.field(default=None, kw_only=True)  # None: the one named, if it is needed
     paths: int = option(8, meaning="trajectories sampled per decision: a")
     steps: int = option(5, meaning="nodes of each path: j")
     distinct: bool = option(False, meaning="the paths' first steps differ, as far as they can")
@@ -57,6 +61,8 @@ class IntentPlanner(Planner):
     listen: bool = option(True, meaning="False: as if no intent were heard")
     keep: bool = option(False, meaning="what is left of the last best path competes again")
     recall: bool = option(True, meaning="of agents out of range, count on the last intent heard")
+    foresight: ForesightName = option("protocol", meaning="rank=expected: who says what the field will be")
+    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.4, for protocol 0")
 
     uses_roadmap = True
     avoids_obstacles = True
@@ -68,6 +74,13 @@ class IntentPlanner(Planner):
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
         if not self.spread >= 0:
             raise InputError(f"spread={self.spread}: give a number >= 0")
+        check_aim(self.aim)
+        if self.foreseer is not None and self.rank != "expected":
+            raise InputError(f"foresight={self.foresight}: paths are ranked by rank={self.rank}; give rank=expected")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.foreseer = foresight_for(self.foresight, self.aim, self.scenario, self.foreseer)
 
     def empty_message(self) -> PyTree:
         """The intent: mean (2,) and covariance (3,), five numbers; NaN before the first decision."""
@@ -139,6 +152,10 @@ class IntentPlanner(Planner):
         if self.rank != "expected":
             return self.interest.trace(mean, variance, observation.inside)
         known, inside = observation.belief.variance, observation.inside
+        prospect = prospect_of(self.foreseer, observation.belief, self.interest)
+        if prospect is not None:
+            aim = aim_of(self.foresight, self.aim)
+            return prospect.expected_trace(self.interest, variance, known, inside, aim=aim, blur=_BLUR)
         # Who takes planned values for zero has no doubt about them.
         spread = 0.0 if self.scenario.virtual_value == "zero" else self.spread
         return self.interest.expected_trace(mean, variance, known, inside, spread=spread, blur=_BLUR)

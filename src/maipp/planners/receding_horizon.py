@@ -47,9 +47,9 @@ class RecedingHorizon(Planner):
         """The first leg of the best plan found."""
         search, heard, ahead = self.search, memory.heard, self.search.ahead(observation)
         if self.joint:
-            plan = plan_team(search, self.sweeps, key, observation, memory.plan, ahead)
             belief = with_announced(observation, observation.messages.legs, self.scenario.virtual_value)
             outlook = search.outlook(observation, belief, ahead)
+            plan = plan_team(search, self.sweeps, key, observation, memory.plan, ahead, outlook.prospect)
         else:
             belief, heard = search.counted(observation, heard)
             outlook = search.outlook(observation, belief, ahead)

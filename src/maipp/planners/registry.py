@@ -56,6 +56,12 @@ register(
     "maipp.planners.receding_horizon:RecedingHorizon",
     summary="next legs by gradient in the plane; joint=true: all agents together",
 )
+register(
+    "foresight",
+    "maipp.planners.receding_horizon:RecedingHorizon",
+    summary="receding-horizon that foresees the field, and goes to what is likely of interest",
+    foresight="fitted",
+)
 
 register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy without intents, agents in sequence")
 _INTENT = "maipp.planners.intent:IntentPlanner"

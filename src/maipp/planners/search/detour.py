@@ -24,11 +24,13 @@ def better_leg(
     """The leg, or the beginning of the way to something that is worth more for its length, or any way out."""
     position, inside, belief, known = outlook.position, outlook.inside, outlook.belief, outlook.known
     (offsets, steps, affordable), interval = ahead, objective.scenario.measurement_interval
-    now = objective.expected(belief.mean, belief.variance, known, inside)
+    prospect = outlook.prospect
+    now = objective.expected(belief.mean, belief.variance, known, inside, prospect)
 
     def gain(points: Float[Array, "k i 2"], taken: Bool[Array, "k i"]) -> Float[Array, " k"]:
         value = objective.scenario.virtual_value
-        return now - objective.expected(*predicted(belief, points, taken, virtual_value=value), known, inside)
+        after = predicted(belief, points, taken, virtual_value=value)
+        return now - objective.expected(*after, known, inside, prospect)
 
     planned = gain(leg.points[None], affordable[None])[0]
     rate = planned / jnp.maximum(jnp.sum(jnp.where(affordable, steps, 0.0)), interval)
@@ -37,7 +39,7 @@ def better_leg(
         position,
         observation.remaining,
         interval,
-        jnp.where(inside, objective.worth(belief), 0.0),
+        jnp.where(inside, objective.worth(belief, prospect), 0.0),
         lambda points: gain(points, jnp.ones(points.shape[:-1], bool)),
     )
     far = jnp.isfinite(transit.distance) & (transit.distance >= steps[0])

@@ -12,6 +12,7 @@ from maipp.planners.announced.announcement import TeamPlan
 from maipp.planners.search.optimiser import descend
 from maipp.planners.search.outlook import Ahead, Outlook
 from maipp.planners.search.plan_search import PlanSearch
+from maipp.planners.search.prospect import Prospect
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Key
 
@@ -32,6 +33,7 @@ def plan_team(
     observation: Observation,
     last: Float[Array, "h 2"],
     ahead: Ahead,
+    prospect: Prospect | None = None,
 ) -> Float[Array, "h 2"]:
     """The due agent's legs in the best plan found for the team: displacements, in units of a leg.
 
@@ -50,23 +52,29 @@ def plan_team(
         agent = (observation.agent + i) % agents
         others = team.affordable & (jnp.arange(agents) != agent)[:, None]
         counted = extend(belief, points(plans).reshape(-1, 2), others.reshape(-1), virtual_value=value)
-        outlook = Outlook(team.base[agent], team.steps[agent], team.affordable[agent], counted, known, inside)
+        where = team.base[agent], team.steps[agent], team.affordable[agent]
+        outlook = Outlook(*where, counted, known, inside, prospect=prospect)
         better = search.plan(jax.random.fold_in(key, i), outlook, plans[agent])
         return plans.at[agent].set(better.best)
 
     plans = lax.fori_loop(0, sweeps * agents, improve, team.plans)
-    index = search.objective.in_play(belief, inside, search.points)
+    index = search.objective.in_play(belief, inside, search.points, prospect=prospect)
     coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
+    coarse_prospect = None if prospect is None else prospect.at(index)
 
     def after(
-        belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "m h 2"]
+        belief: Belief,
+        inside: Bool[Array, " i"],
+        known: Float[Array, " i"],
+        prospect: Prospect | None,
+        plans: Float[Array, "m h 2"],
     ) -> Float[Array, ""]:
         then = extend(belief, points(plans).reshape(-1, 2), team.affordable.reshape(-1), virtual_value=value)
-        return search.objective.expected(then.mean, then.variance, known, inside)
+        return search.objective.expected(then.mean, then.variance, known, inside, prospect)
 
-    slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, plans))
+    slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, coarse_prospect, plans))
     refined = descend(slope, plans, search.steps, search.rate / 2)
-    better = after(belief, inside, known, refined) < after(belief, inside, known, plans)
+    better = after(belief, inside, known, prospect, refined) < after(belief, inside, known, prospect, plans)
     return jnp.where(better, refined, plans)[observation.agent]
 
 

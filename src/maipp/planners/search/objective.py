@@ -7,7 +7,9 @@ from jax import lax
 from jax.scipy.special import ndtr
 
 from maipp.belief import Belief, Interest
+from maipp.foresight.protocol import trusted_spread
 from maipp.planners.lookahead import predicted
+from maipp.planners.search.prospect import Prospect
 from maipp.planners.search.variance import variance_left
 from maipp.problem import ScenarioLike
 from maipp.typing import Array, Bool, Float, Int, Real
@@ -21,9 +23,6 @@ _LATTICE = (0.7548776662, 0.5698402910)
 # How far from a measurement it still tells of a point, in length scales.
 _NEAR = 0.6
 
-# The spread trusted, and the length scale, in measurement intervals, below which it falls with the square of that.
-_SPREAD, _RESOLVED = 0.3, 2.0
-
 
 class Objective(NamedTuple):
     """The Tr(P) expected after measuring somewhere, smooth in where that is."""
@@ -31,6 +30,7 @@ class Objective(NamedTuple):
     scenario: ScenarioLike
     spread: float | None  # trust in the spread of values not yet measured; None: by the scenario
     blur: float  # smoothing of the area's border, field units
+    aim: float = 0.0  # weight of the places that are foreseen to be of interest
 
     @property
     def interest(self) -> Interest:
@@ -52,8 +52,11 @@ class Objective(NamedTuple):
         variance: Float[Array, "*c q"],
         known: Float[Array, " q"],
         inside: Bool[Array, " q"],
+        prospect: Prospect | None = None,
     ) -> Float[Array, "*c"]:
         """The Tr(P) expected of the measured values, which leave the variance `known`."""
+        if prospect is not None:
+            return prospect.expected_trace(self.interest, variance, known, inside, aim=self.aim, blur=self.blur)
         return self.interest.expected_trace(mean, variance, known, inside, spread=self._trusted(), blur=self.blur)
 
     def _trusted(self) -> Real:
@@ -63,13 +66,13 @@ class Objective(NamedTuple):
             return 0.0
         if self.spread is not None:
             return self.spread
-        resolved = self.scenario.length_scale / (_RESOLVED * self.scenario.measurement_interval)
-        return _SPREAD * jnp.minimum(1.0, resolved) ** 2
+        return trusted_spread(self.scenario)
 
-    def worth(self, belief: Belief) -> Float[Array, " q"]:
+    def worth(self, belief: Belief, prospect: Prospect | None = None) -> Float[Array, " q"]:
         """How uncertain the grid points are, as far as they may be of high interest."""
         bound = self.interest.bound(belief.mean, belief.variance)
-        return belief.variance * ndtr((bound - self.interest.threshold) / _BORDER)
+        likely = ndtr((bound - self.interest.threshold) / _BORDER)
+        return belief.variance * (likely if prospect is None else prospect.weighed(likely, self.aim))
 
     def in_play(
         self,
@@ -78,9 +81,10 @@ class Objective(NamedTuple):
         most: int,
         position: Float[Array, "2"] | None = None,
         reach: Float[Array, ""] | None = None,
+        prospect: Prospect | None = None,
     ) -> Int[Array, " i"]:
         """Indices of the grid points that matter most: uncertain, maybe of high interest, and within reach if given."""
-        weight = self.worth(belief)
+        weight = self.worth(belief, prospect)
         if position is not None and reach is not None:
             offset = belief.query - position
             far = jnp.sum(offset * offset, axis=-1) > (reach + _NEAR * self.scenario.length_scale) ** 2

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from maipp.belief import Belief
 from maipp.planners.announced.meeting import Rendezvous
+from maipp.planners.search.prospect import Prospect
 from maipp.typing import Array, Bool, Float
 
 
@@ -26,3 +27,4 @@ class Outlook(NamedTuple):
     inside: Bool[Array, " q"]  # grid points of the survey area
     meeting: Rendezvous | None = None  # where to be at the end; None: anywhere
     remaining: Float[Array, ""] | None = None  # when that is: the budget left, domain units
+    prospect: Prospect | None = None  # what is foreseen; None: what the belief expects

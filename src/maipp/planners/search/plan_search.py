@@ -10,6 +10,7 @@ from maipp.belief import Belief
 from maipp.engine.decision import Observation
 from maipp.engine.options import option
 from maipp.errors import InputError
+from maipp.foresight import Foresight, ForesightName
 from maipp.planners.announced.announcement import Announcement, nothing_announced, with_announced
 from maipp.planners.announced.meeting import appointment, lateness
 from maipp.planners.announced.told import latest
@@ -21,6 +22,7 @@ from maipp.planners.search.first_leg import FirstLeg, depart
 from maipp.planners.search.objective import Objective
 from maipp.planners.search.optimiser import Finalists, SearchOptions, search
 from maipp.planners.search.outlook import Ahead, Outlook
+from maipp.planners.search.prospect import Prospect, aim_of, check_aim, foresight_for, prospect_of
 from maipp.problem import Problem
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
@@ -53,6 +55,7 @@ class PlanSearch(eqx.Module):
 
     scenario: Scenario | Problem
     zones: Zones | None = eqx.field(default=None, kw_only=True)  # None: those of the scenario, if it has any
+    foreseer: Foresight | None = eqx.field(default=None, kw_only=True)  # None: the one named, if it is needed
     horizon: int | None = option(None, meaning="legs planned; None: by the number of agents")
     decisions: int | None = option(None, meaning="times that the agent plans per leg; None: by the number of agents")
     candidates: int = option(128, meaning="random plans scored")
@@ -64,10 +67,13 @@ class PlanSearch(eqx.Module):
     points: int = option(225, meaning="grid points that the search looks at")
     meet: bool = option(True, meaning="with limited communication: end where the others end")
     recall: bool = option(True, meaning="of agents out of range, count on what was last heard")
+    foresight: ForesightName = option("protocol", meaning="who says what the field will be where it is not measured")
+    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.4, for protocol 0")
 
     def __post_init__(self) -> None:
         if self.zones is None:
             self.zones = planner_zones(self.scenario)
+        self.foreseer = foresight_for(self.foresight, self.aim, self.scenario, self.foreseer)
 
     def check(self) -> None:
         """Raise InputError for options out of range."""
@@ -84,6 +90,9 @@ class PlanSearch(eqx.Module):
             raise InputError(f"rate={self.rate}, blur={self.blur}: both must be > 0")
         if self.spread is not None and not self.spread >= 0:
             raise InputError(f"spread={self.spread}: give a number >= 0, or none")
+        if self.spread is not None and self.foreseer is not None:
+            raise InputError(f"spread={self.spread}: a foresight, or an aim, has a spread of its own; leave it out")
+        check_aim(self.aim)
 
     @property
     def legs(self) -> int:
@@ -114,7 +123,7 @@ class PlanSearch(eqx.Module):
     @property
     def objective(self) -> Objective:
         """What plans are judged by."""
-        return Objective(self.scenario, self.spread, self.blur)
+        return Objective(self.scenario, self.spread, self.blur, aim_of(self.foresight, self.aim))
 
     def first_memory(self) -> LegMemory:
         """The memory of an agent that has neither planned nor heard anything."""
@@ -144,6 +153,7 @@ class PlanSearch(eqx.Module):
             observation.inside,
             appointment(self.scenario, observation, meet=self.meet, zones=self.zones),
             observation.remaining,
+            prospect_of(self.foreseer, observation.belief, self.objective.interest),
         )
 
     def plan(
@@ -155,18 +165,23 @@ class PlanSearch(eqx.Module):
         a leg, for legs that may bend; the plans returned are of the same form. Plans that miss the meeting at the end
         are worth less. `proposals` are plans to try besides random ones.
         """
-        position, steps, affordable, belief, known, inside, meeting, remaining = outlook
+        position, steps, affordable, belief, known, inside, meeting, remaining, prospect = outlook
         objective, extent = self.objective, self.scenario.extent
         reach = jnp.sum(jnp.where(affordable, steps, 0.0))
-        index = objective.in_play(belief, inside, self.points, position, reach)
+        index = objective.in_play(belief, inside, self.points, position, reach, prospect)
         coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
+        coarse_prospect = None if prospect is None else prospect.at(index)
 
         def value(
-            belief: Belief, inside: Bool[Array, " i"], known: Float[Array, " i"], plans: Float[Array, "c h *d"]
+            belief: Belief,
+            inside: Bool[Array, " i"],
+            known: Float[Array, " i"],
+            prospect: Prospect | None,
+            plans: Float[Array, "c h *d"],
         ) -> Float[Array, " c"]:
             points = self.walked(position, plans, steps) if last.ndim == 2 else walk(position, plans, steps, extent)
             taken = jnp.broadcast_to(affordable, points.shape[:-1])
-            left = objective.expected(*objective.after(belief, points, taken), known, inside)
+            left = objective.expected(*objective.after(belief, points, taken), known, inside, prospect)
             if meeting is None or remaining is None:
                 return left
             return left * (1.0 + _LATE * lateness(meeting, position, points, steps, remaining))
@@ -174,8 +189,8 @@ class PlanSearch(eqx.Module):
         return search(
             key,
             last,
-            score=lambda plans: value(coarse, coarse_inside, coarse_known, plans),
-            final=lambda plans: value(belief, inside, known, plans),
+            score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
+            final=lambda plans: value(belief, inside, known, prospect, plans),
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
             proposals=proposals,
         )
