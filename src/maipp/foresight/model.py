@@ -1,4 +1,4 @@
-"""What the learned foresight knows: its network, and of what it was trained on as much as it takes to tell a stranger."""
+"""What the learned foresight knows: its network, and enough of what it was trained on to tell a stranger."""
 
 import equinox as eqx
 import jax.numpy as jnp

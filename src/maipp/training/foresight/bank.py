@@ -33,9 +33,8 @@ _SHARES = (
     ("receding-horizon", _SMALL, 0.4),
     ("receding-horizon", _LARGE, 0.05),
     ("shared-greedy", _SMALL, 0.2),
-    ("shared-greedy", _LARGE, 0.1),
     ("random", _SMALL, 0.1),
-    ("lawnmower", _SMALL, 0.15),
+    ("lawnmower", _SMALL, 0.25),
 )
 
 # No-go zones: one in the middle, two at opposite sides, an irregular one.
@@ -71,9 +70,13 @@ def parts(config: ForesightConfig) -> list[_Part]:
         _Part(name, room[size], 0, math.ceil(config.surveys * (1.0 - config.zoned) * share / whole))
         for name, size, share in shares
     ]
-    among = [name for name in ("receding-horizon", "lawnmower") if name in config.planners]
-    each = math.ceil(config.surveys * config.zoned / max(len(among) * len(_LAYOUTS), 1))
-    zoned = [_Part(name, room[_SMALL], layout, each) for layout in range(1, len(_LAYOUTS) + 1) for name in among]
+    # To plan among zones takes long to compile, and routes that bend around them are much alike.
+    among = [
+        "receding-horizon" if layout == 1 and "receding-horizon" in config.planners else "lawnmower"
+        for layout in range(1, len(_LAYOUTS) + 1)
+    ]
+    each = math.ceil(config.surveys * config.zoned / len(_LAYOUTS))
+    zoned = [_Part(name, room[_SMALL], layout, each) for layout, name in enumerate(among, 1)]
     return free + (zoned if config.zoned else [])
 
 

@@ -1,4 +1,4 @@
-"""What is measured on samples that nothing was fitted to: how well a model foretells, how sure it may be, what it knows."""
+"""What is measured on samples that nothing was fitted to: how well a model foretells, how sure it is, what it knows."""
 
 from collections.abc import Iterator
 from typing import NamedTuple

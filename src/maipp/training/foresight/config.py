@@ -27,8 +27,8 @@ class ForesightConfig:
         900_001, "of everything random: first weights, routes, fields, their order"
     )
     # The bank of routes
-    surveys: AtLeast1 = described(1200, "surveys simulated for their routes; a field of its own comes with each sample")
-    zoned: _Share = described(0.15, "share of them among no-go zones")
+    surveys: AtLeast1 = described(1133, "surveys simulated for their routes; a field of its own comes with each sample")
+    zoned: _Share = described(0.1, "share of them among no-go zones")
     planners: Each[str] = described(
         ("receding-horizon", "shared-greedy", "random", "lawnmower"), "who is simulated, of these four"
     )
@@ -47,7 +47,7 @@ class ForesightConfig:
     width: Annotated[int, Within(4, most=512)] = described(48, "channels at its coarser resolution; even")
     blocks: Annotated[int, Within(1, most=32)] = described(3, "residual blocks there")
     # Optimisation
-    updates: AtLeast1 = described(140, "updates in all")
+    updates: AtLeast1 = described(100, "updates in all")
     steps: AtLeast1 = described(50, "gradient steps of an update")
     batch: Annotated[int, Within(2, wide=True)] = described(32, "samples of a gradient step")
     area: NotNegative = described(3.0, "weight of the log loss of the area in the loss")
