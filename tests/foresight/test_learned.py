@@ -11,7 +11,6 @@ import pytest
 from maipp.belief import Matern32, condition
 from maipp.engine import draw_missions
 from maipp.errors import InputError
-from maipp.fields.gp_field import draw_fields
 from maipp.fields.mixture import evaluation_grid
 from maipp.foresight import make_foresight
 from maipp.foresight.fitted import fitted_foresight
@@ -29,7 +28,7 @@ GRID = evaluation_grid(SIDE)
 
 @pytest.fixture(scope="module")
 def ask():
-    """Laws of the fitted and of a learned foresight after the first measurements, and whether the network is trusted."""
+    """Laws of the fitted and of a learned foresight after some measurements, and whether the network is trusted."""
 
     @jax.jit
     def laws(foresight, x, y, mask):

@@ -2,10 +2,10 @@
 
     python -m tests.tools.foresight --worlds 96 --seed 660001
 
-Surveys are those of `receding-horizon` on their own fields (three agents, B = 5); after so many measurements of the team
-each foresight's law of the field is held against the truth on the evaluation grid. On relief, three cuts of Matplotlib's
-sample data, values are standardised and the kernel is fitted by 60 soundings with an error, as in the strait example;
-the foresights are not told that the field is not of the benchmark's family.
+Surveys are those of `receding-horizon` on their own fields (three agents, B = 5); after so many measurements of the
+team each foresight's law of the field is held against the truth on the evaluation grid. On relief, three cuts of
+Matplotlib's sample data, values are standardised and the kernel is fitted by 60 soundings with an error, as in the
+strait example; the foresights are not told that the field is not of the benchmark's family.
 """
 
 import argparse
@@ -63,7 +63,9 @@ def judge(foresights: list[Foresight], count: int, mission: Mission, state: Stat
     off = [jnp.abs(mission.truth - law.mean) for law in laws]
     return Judged(
         jnp.stack([jnp.mean(each**2) for each in off]),
-        jnp.stack([jnp.stack([jnp.mean(e <= w * law.deviation) for w in WIDTHS]) for e, law in zip(off, laws)]),
+        jnp.stack(
+            [jnp.stack([jnp.mean(e <= w * s.deviation) for w in WIDTHS]) for e, s in zip(off, laws, strict=True)]
+        ),
         jnp.stack([each.correction(belief).trusted for each in foresights if isinstance(each, LearnedForesight)]),
     )
 
@@ -84,7 +86,7 @@ def surveys(flags: argparse.Namespace) -> Iterator[tuple[str, Scenario, Mission]
 
 
 def relief(cut: tuple[int, int], scenario: Scenario, rng: np.random.Generator) -> tuple[Any, Scenario]:
-    """A cut of relief on the unit square, standardised by soundings, and the scenario with the kernel fitted to them."""
+    """A cut of relief on the unit square, standardised by soundings, and the scenario with the kernel of these."""
     with np.load(str(get_sample_data("topobathy.npz", asfileobj=False))) as file:
         height = file["topo"][cut[0] : cut[0] + SIDE, cut[1] : cut[1] + SIDE].astype(float).T
     place = np.linspace(0.0, 1.0, SIDE)
@@ -95,7 +97,9 @@ def relief(cut: tuple[int, int], scenario: Scenario, rng: np.random.Generator) -
     fit = fit_kernel(x, (y - level) / spread)
     noise = max((ERROR / spread) ** 2, 1e-6)
     other = scenario.replace(
-        length_scale=float(np.clip(fit.length_scale, 0.05, 2.0)), noise=float(noise), threshold=0.4,
+        length_scale=float(np.clip(fit.length_scale, 0.05, 2.0)),
+        noise=float(noise),
+        threshold=0.4,
         signal_variance=fit.signal_variance,
     )
     return as_field(lambda points: (between(np.asarray(points)) - level) / spread, (1.0, 1.0)), other

@@ -110,7 +110,7 @@ class FieldNetwork(eqx.Module):
         coarse = jax.nn.relu(self.down(fine) + self.told(told))
         for block in self.blocks:
             coarse = block(coarse, told)
-        back = finer(self.up(jax.nn.relu(coarse)), maps.shape[:2])
+        back = finer(self.up(jax.nn.relu(coarse)), (maps.shape[0], maps.shape[1]))
         answer = self.head(jax.nn.relu(self.mix(jnp.concatenate([fine, back], axis=-1))))
         return _within(answer[..., 0], _MOST_SHIFT), _within(answer[..., 1], _MOST_STRETCH)
 

@@ -135,7 +135,8 @@ def _varied(
     default = Scenario()
 
     def drawn(name: str) -> np.ndarray:
-        return np.where(usual, getattr(default, name), rng.uniform(*getattr(config, name), count)).astype(np.float32)
+        low, high = getattr(config, name)
+        return np.where(usual, getattr(default, name), rng.uniform(low, high, count)).astype(np.float32)
 
     least = min(max(config.team[0], _SMALL + 1 if large else 1), room)
     team = np.where(usual & (room == _SMALL), min(default.agents, room), rng.integers(least, room + 1, count))

@@ -49,8 +49,10 @@ class _Judged(NamedTuple):
 @eqx.filter_jit
 def _judged(model: FieldModel, batch: Sample) -> _Judged:
     def one(sample: Sample) -> _Judged:
-        laws = foretold(model, sample), sample.fitted, sample.belief
-        return _Judged(*(scores(law, sample) for law in laws), sample.usual, sample.count)
+        learned, fitted, belief = (
+            scores(law, sample) for law in (foretold(model, sample), sample.fitted, sample.belief)
+        )
+        return _Judged(learned, fitted, belief, sample.usual, sample.count)
 
     return jax.vmap(one)(batch)
 

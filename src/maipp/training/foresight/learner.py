@@ -44,7 +44,8 @@ class ForesightLearner:
         """The state before the first update, from the seed alone."""
         config = self.config
         model = FieldModel(jax.random.key(config.seed), width=config.width, depth=config.blocks)
-        return FitState(model, model, self._optimiser.init(model.network), jnp.zeros((), jnp.int32))
+        network: Any = model.network
+        return FitState(model, model, self._optimiser.init(network), jnp.zeros((), jnp.int32))
 
     def update(self, state: FitState) -> tuple[FitState, dict[str, Array]]:
         """One update of `steps` gradient steps, and its metrics."""
@@ -66,13 +67,14 @@ class ForesightLearner:
     def _steps(self, state: FitState, batch: list[Sample], number: Int[Array, ""]) -> tuple[FitState, dict[str, Array]]:
         """One gradient step."""
         config, model = self.config, state.model
+        trained: Any = model.network
 
         def loss(network: FieldNetwork) -> tuple[Array, Scores]:
             return batch_loss(eqx.tree_at(lambda m: m.network, model, network), batch, config.area)
 
-        (value, scores), slope = jax.value_and_grad(loss, has_aux=True)(model.network)
-        changes, rest = self._optimiser.update(slope, state.optimiser, model.network)
-        network = optax.apply_updates(model.network, changes)
+        (value, scores), slope = jax.value_and_grad(loss, has_aux=True)(trained)
+        changes, rest = self._optimiser.update(slope, state.optimiser, trained)
+        network = optax.apply_updates(trained, changes)
         decay = jnp.minimum(config.average, (1.0 + number) / (_YOUNG + number))
         mean = jax.tree.map(lambda a, b: decay * a + (1.0 - decay) * b, state.average.network, network)
         after = FitState(
