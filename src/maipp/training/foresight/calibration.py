@@ -20,7 +20,8 @@ from maipp.typing import Array, Float
 VALIDATION_SEED, CALIBRATION_SEED = 770_001, 770_002
 
 _BATCH = 64
-CALIBRATED = 6144  # samples of the calibration
+# Samples of the calibration, to one of an evaluation along the way.
+CALIBRATED = 12
 
 # The part of the standard normal within these deviations is 68 and 95 %.
 _ONE, _TWO = 0.9945, 1.96

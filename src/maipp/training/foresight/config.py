@@ -93,6 +93,8 @@ NAMED: dict[str, ForesightConfig] = {
     "smoke": ForesightConfig(
         surveys=16,
         zoned=0.0,
+        benchmark=1.0,
+        processes=0.0,
         planners=("lawnmower",),
         team=(1, 2),
         budget=(1.0, 2.0),

@@ -35,7 +35,7 @@ class ForesightLearner:
     """Updates a model as its configuration says; step i of a seed draws the same samples in any life of the run."""
 
     def __init__(self, config: ForesightConfig, routes: Routes) -> None:
-        self.config, self.kinds = config, kinds()
+        self.config, self.kinds = config, kinds(config)
         self.routes = jax.tree.map(jnp.asarray, routes)
         self._optimiser = optimiser(config)
         self._draw, self._step = jax.jit(self._draws), jax.jit(self._steps)
@@ -87,7 +87,7 @@ class ForesightLearner:
             "loss": value,
             "nll": scores.nll,
             "area": scores.area,
-            "gradient_norm": optax.global_norm(slope),
+            "gradient_norm": optax.tree.norm(slope),
             "learning_rate": jnp.asarray(_rate(config)(number)),
         }
 

@@ -54,10 +54,12 @@ def train_foresight(
     progress: Callable[[FitStep], None] = lambda step: None,
     tell: Callable[[str], None] = lambda text: None,
     about: Mapping[str, Any] | None = None,
+    learner: ForesightLearner | None = None,
 ) -> FitResult:
     """Train into the folder `out`, or go on with the run it holds; Ctrl-C and SIGTERM save a checkpoint and return.
 
-    `tell` is told what is done before the first update; `about` (the machine, say) goes into the card of the weights.
+    `tell` is told what is done before the first update; `about` (the machine, say) goes into the card of the weights;
+    `learner` is one of the same configuration whose programs are compiled already.
     Resumed on the same device, a run ends with the same bytes as one that was never stopped. Raises InputError for a
     folder that is taken or holds another configuration, and DivergedError where the loss is no longer finite.
     """
@@ -67,7 +69,7 @@ def train_foresight(
         routes = make_bank(config, out, tell, lambda: stop.requested)
         if routes is None:
             return FitResult(Record(wall_s=time.monotonic() - began), True)
-        learner = ForesightLearner(config, routes)
+        learner = learner or ForesightLearner(config, routes)
         return _Life(config, out, learner, dict(about or {}), progress, began).run(stop)
 
 
@@ -152,7 +154,9 @@ class _Life:
     def _finish(self) -> None:
         """The weights, calibrated, with their card."""
         learner = self.learner
-        drawn = samples_of(self.config, learner.routes, learner.kinds, CALIBRATION_SEED, CALIBRATED)
+        drawn = samples_of(
+            self.config, learner.routes, learner.kinds, CALIBRATION_SEED, CALIBRATED * self.config.validation
+        )
         model = calibrated(self.state.average, drawn)
         card = {
             "command": "maipp train foresight",
@@ -164,7 +168,7 @@ class _Life:
             "evaluation": {"seed": VALIDATION_SEED, "samples": self.config.validation, **(self.record.last or {})},
             "calibration": {
                 "seed": CALIBRATION_SEED,
-                "samples": CALIBRATED,
+                "samples": CALIBRATED * self.config.validation,
                 "widening": [round(float(each), 4) for each in model.widening],
             },
             "licence": "Apache-2.0",

@@ -31,6 +31,9 @@ from maipp.training.foresight.fields import (
 from maipp.training.worlds import turned
 from maipp.typing import Array, Float, Index, Int, Key
 
+# Samples with room for no more measurements are not drawn apart from those with more.
+_FEW = 40
+
 # Part of the samples whose agent knows only some of what the team has measured, as with radios of limited range.
 _PARTLY = 0.15
 
@@ -57,9 +60,9 @@ class Sample(NamedTuple):
     usual: Array  # whether kind of field and numbers are the default scenario's
 
 
-def kinds() -> Kinds:
-    """The families, and what is fitted to each; it takes a second or two."""
-    scenarios = family_scenarios()
+def kinds(config: ForesightConfig) -> Kinds:
+    """The families that the configuration draws from, and what is fitted to each; it takes a second or two."""
+    scenarios = family_scenarios()[: 1 if config.benchmark == 1.0 else None]
     bumps = [bumps_of(each) for each in scenarios]
     return Kinds(families_of(scenarios), jax.tree.map(lambda *rows: jnp.stack(rows), *bumps))
 
@@ -67,7 +70,7 @@ def kinds() -> Kinds:
 def draw_batch(config: ForesightConfig, routes: Routes, kinds: Kinds, key: Key, size: int) -> list[Sample]:
     """A batch in parts, each of samples of one size: bumps with few and with many measurements, and processes."""
     processes = round(size * config.processes)
-    few = (size - processes) // 2
+    few = (size - processes) // 2 if config.slots > _FEW else 0
     fewer = max(config.slots * 2 // 5, 1)
     parts = ((few, fewer, False), (size - processes - few, config.slots, False), (processes, fewer, True))
     batch = []
