@@ -37,6 +37,9 @@ _SHARES = (
     ("lawnmower", _SMALL, 0.25),
 )
 
+# Share of the surveys whose length scale, threshold and team are those of the default scenario.
+_USUAL = 0.5
+
 # No-go zones: one in the middle, two at opposite sides, an irregular one.
 _LAYOUTS = (
     (((0.35, 0.4), (0.65, 0.4), (0.65, 0.6), (0.35, 0.6)),),
@@ -131,7 +134,7 @@ def _varied(
 ) -> tuple[Mission, Float[np.ndarray, " r"]]:
     """The missions with numbers of their own, and the length scales among them."""
     count, room = missions.start.shape[:2]
-    usual = rng.random(count) < config.benchmark
+    usual = rng.random(count) < _USUAL
     default = Scenario()
 
     def drawn(name: str) -> np.ndarray:

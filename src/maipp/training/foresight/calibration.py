@@ -12,7 +12,7 @@ from maipp.foresight.law import Law
 from maipp.foresight.model import GROUPS, FieldModel, group_of
 from maipp.training.foresight.bank import Routes
 from maipp.training.foresight.config import ForesightConfig
-from maipp.training.foresight.losses import Scores, foretold, scores
+from maipp.training.foresight.losses import Scores, foretold, loss_of, scores
 from maipp.training.foresight.samples import Kinds, Sample, draw_batch
 from maipp.typing import Array, Float
 
@@ -58,7 +58,7 @@ def _judged(model: FieldModel, batch: Sample) -> _Judged:
     return jax.vmap(one)(batch)
 
 
-def evaluation(model: FieldModel, batches: list[list[Sample]], area: float) -> dict[str, float]:
+def evaluation(model: FieldModel, batches: list[list[Sample]], config: ForesightConfig) -> dict[str, float]:
     """Loss, and mean scores of the model and of what it corrects; `usual_...` those of the default scenario alone."""
     rows = [_judged(model, part) for batch in batches for part in batch]
     all_rows = jax.tree.map(lambda *arrays: np.concatenate([np.asarray(a) for a in arrays]), *rows)
@@ -71,7 +71,8 @@ def evaluation(model: FieldModel, batches: list[list[Sample]], area: float) -> d
             values[f"{name}{who}_rmse"] = float(np.sqrt(each.squared[keep]).mean())
             values[f"{name}{who}_nll"] = float(each.nll[keep].mean())
             values[f"{name}{who}_area"] = float(each.area[keep].mean())
-    values["loss"] = values["learned_nll"] + area * values["learned_area"]
+    means: Scores = jax.tree.map(np.mean, all_rows.learned)
+    values["loss"] = float(loss_of(means, config))
     return values
 
 

@@ -37,27 +37,28 @@ class ForesightConfig:
     slots: AtLeast1 = described(96, "measurements of a sample at most")
     # The worlds
     benchmark: _Share = described(
-        0.5, "share of samples whose numbers and kind of field are those of the default scenario; the rest draws them"
+        0.65, "share of samples of bumps whose numbers and family are the default scenario's; the rest draws them"
     )
     length_scale: Ascending[Positive] = described((0.15, 0.8), "of the belief's kernel, domain units")
     threshold: Ascending[Real] = described((0.2, 0.6), "of the high-interest area, normalised field units")
     noise: Ascending[Positive] = described((1e-6, 1e-2), "variance of the measurement noise, drawn by its logarithm")
-    processes: _Share = described(0.2, "share of samples whose field is a draw of a Gaussian process")
+    processes: _Share = described(0.12, "share of samples whose field is a draw of a Gaussian process")
     # The network
     width: Annotated[int, Within(4, most=512)] = described(48, "channels at its coarser resolution; even")
     blocks: Annotated[int, Within(1, most=32)] = described(3, "residual blocks there")
     # Optimisation
-    updates: AtLeast1 = described(100, "updates in all")
+    updates: AtLeast1 = described(160, "updates in all")
     steps: AtLeast1 = described(50, "gradient steps of an update")
     batch: Annotated[int, Within(2, wide=True)] = described(32, "samples of a gradient step")
     area: NotNegative = described(3.0, "weight of the log loss of the area in the loss")
+    squared: NotNegative = described(1.0, "weight of the squared error, in units of the fitted foresight's variance")
     learning_rate: _Above0 = described(1.5e-3, "of Adam at its highest; it rises for 2 % of the run, then falls to 2 %")
     weight_decay: NotNegative = described(1e-4, "of AdamW")
     average: _Share = described(0.999, "decay of the running mean of the weights, which is what is kept")
     gradient_norm: Finite = described(1.0, "gradients are scaled down to at most this norm")
     # Along the way
     validation: AtLeast1 = described(512, "samples that every evaluation is made on, of seed 770001")
-    evaluate_every: AtLeast1 = described(10, "updates between two evaluations")
+    evaluate_every: AtLeast1 = described(20, "updates between two evaluations")
     checkpoint_seconds: _Above0 = described(120.0, "least time between two checkpoints, seconds")
 
     def __post_init__(self) -> None:

@@ -70,7 +70,7 @@ class ForesightLearner:
         trained: Any = model.network
 
         def loss(network: FieldNetwork) -> tuple[Array, Scores]:
-            return batch_loss(eqx.tree_at(lambda m: m.network, model, network), batch, config.area)
+            return batch_loss(eqx.tree_at(lambda m: m.network, model, network), batch, config)
 
         (value, scores), slope = jax.value_and_grad(loss, has_aux=True)(trained)
         changes, rest = self._optimiser.update(slope, state.optimiser, trained)
@@ -87,6 +87,7 @@ class ForesightLearner:
             "loss": value,
             "nll": scores.nll,
             "area": scores.area,
+            "relative": scores.relative,
             "gradient_norm": optax.tree.norm(slope),
             "learning_rate": jnp.asarray(_rate(config)(number)),
         }

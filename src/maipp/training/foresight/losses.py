@@ -1,6 +1,6 @@
 """What a foresight is trained to make small."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,7 @@ from jax.scipy.special import log_ndtr
 
 from maipp.foresight.law import Law
 from maipp.foresight.model import FieldModel
+from maipp.training.foresight.config import ForesightConfig
 from maipp.training.foresight.samples import Sample, interpolated
 from maipp.typing import Array, Float
 
@@ -20,7 +21,8 @@ class Scores(NamedTuple):
 
     nll: Float[Array, "*b"]  # negative log likelihood of the truth, nats
     area: Float[Array, "*b"]  # log loss of being of high interest, weighted by the belief's variance
-    squared: Float[Array, "*b"]  # squared error
+    squared: Float[Array, "*b"]  # squared error, field units squared
+    relative: Float[Array, "*b"]  # the same, in units of the fitted foresight's variance
 
 
 def scores(law: Law, sample: Sample) -> Scores:
@@ -34,7 +36,9 @@ def scores(law: Law, sample: Sample) -> Scores:
     weight = variance / jnp.maximum(jnp.mean(variance), 1e-9)
     # A log loss is without bounds, and a truth of which a law was certain otherwise would be all that counts.
     area = -jnp.maximum(log_ndtr(jnp.where(high, above, -above)), -8.0)
-    return Scores(jnp.mean(nll), jnp.mean(weight * area), jnp.mean((sample.truth - law.mean) ** 2))
+    squared = jnp.mean((sample.truth - law.mean) ** 2)
+    relative = squared / (jnp.mean(sample.fitted.deviation**2) + _LEAST**2)
+    return Scores(jnp.mean(nll), jnp.mean(weight * area), squared, relative)
 
 
 def foretold(model: FieldModel, sample: Sample) -> Law:
@@ -42,8 +46,13 @@ def foretold(model: FieldModel, sample: Sample) -> Law:
     return interpolated(*model.network(sample.maps, sample.numbers), sample)
 
 
-def batch_loss(model: FieldModel, batch: list[Sample], weight: float) -> tuple[Float[Array, ""], Scores]:
+def loss_of(scores: Any, config: ForesightConfig) -> Any:
+    """The loss whose parts these scores are."""
+    return scores.nll + config.area * scores.area + config.squared * scores.relative
+
+
+def batch_loss(model: FieldModel, batch: list[Sample], config: ForesightConfig) -> tuple[Float[Array, ""], Scores]:
     """The mean loss of a batch, and its scores."""
     parts = [jax.vmap(lambda sample: scores(foretold(model, sample), sample))(part) for part in batch]
     means = Scores(*(jnp.mean(jnp.concatenate(rows)) for rows in zip(*parts, strict=True)))
-    return means.nll + weight * means.area, means
+    return loss_of(means, config), means

@@ -137,7 +137,7 @@ class _Life:
 
     def _evaluate(self, journal: Journal) -> None:
         """Score the mean weights on the validation samples."""
-        values = evaluation(self.state.average, self.validation, self.config.area)
+        values = evaluation(self.state.average, self.validation, self.config)
         values = {name: round(value, 5) for name, value in values.items()}
         record = self.record._replace(evaluated=self.record.update, wall_s=self._wall_s())
         self.record = record._replace(last={"update": record.update, **values})

@@ -83,11 +83,13 @@ def draw_batch(config: ForesightConfig, routes: Routes, kinds: Kinds, key: Key, 
 
 def _sample(config: ForesightConfig, routes: Routes, kinds: Kinds, slots: int, process: bool, key: Key) -> Sample:
     keys = iter(jax.random.split(key, 16))
-    row = jax.random.randint(next(keys), (), 0, routes.count.shape[0])
-    length_scale = jnp.asarray(routes.length_scale)[row]
     default = Scenario()
-    usual = (jnp.abs(length_scale - default.length_scale) < 1e-6) & jax.random.bernoulli(next(keys), 0.9)
-    usual = jnp.asarray(False) if process else usual
+    usual = jnp.asarray(False) if process else jax.random.bernoulli(next(keys), config.benchmark)
+    # The routes of surveys with the default length scale, or any.
+    scales = jnp.asarray(routes.length_scale)
+    fitting = jnp.where(usual, jnp.abs(scales - default.length_scale) < 1e-6, True)
+    row = jax.random.categorical(next(keys), jnp.where(fitting, 0.0, -jnp.inf))
+    length_scale = scales[row]
 
     def drawn(ends: tuple[float, float], default: float) -> Array:
         return jnp.where(usual, default, jax.random.uniform(next(keys), (), minval=ends[0], maxval=ends[1]))
