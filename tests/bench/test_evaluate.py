@@ -15,8 +15,9 @@ from hypothesis.extra import numpy as arrays
 from maipp.bench import evaluate as module
 from maipp.bench.evaluate import Evaluation, evaluate, message_bytes, save_evaluations, summarise, to_json
 from maipp.engine import draw_missions, run_missions
-from maipp.engine.score import score_missions
+from maipp.engine.score import pooled_belief, score_missions
 from maipp.errors import InputError
+from maipp.foresight import make_foresight
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 
@@ -182,3 +183,32 @@ def test_a_value_that_is_not_a_number_reaches_no_file(evaluation, tmp_path):
     with pytest.raises(InputError, match="^instance 1, trial 2: rmse is inf"):
         save_evaluations([evaluation, dataclasses.replace(evaluation, values=values)], tmp_path / "out.json")
     assert os.listdir(tmp_path) == []
+
+
+def test_the_map_of_a_foresight_is_scored_beside_the_belief_s(evaluation):
+    """By its law after the survey, in NumPy; the other metrics are what they are without."""
+    scored = evaluate(SCENARIO, "greedy", instances=2, trials=3, seed=5, timing=False, map="fitted").values
+    for metric, values in evaluation.values.items():
+        np.testing.assert_array_equal(scored[metric], values)
+    planner = make_planner("greedy", SCENARIO)
+    missions = draw_missions(SCENARIO, seed=5, instances=2, trials=3)
+    states = run_missions(planner, missions, jax.random.key(99))
+    foresight = make_foresight("fitted", SCENARIO)
+
+    @jax.jit
+    def map_of(mission, state):
+        belief = pooled_belief(mission, state)
+        return foresight.on(mission.problem)(belief), belief.mean, belief.std
+
+    for number in range(6):
+        law, mean, std = map_of(*jax.tree.map(lambda a, i=number: a[i], (missions, states)))
+        truth, (instance, trial) = np.asarray(missions.truth[number]), divmod(number, 3)
+        errors = truth - np.asarray(law.mean)
+        assert scored["fitted_rmse"][instance, trial] == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-3)
+        for share, half in ((68, 1.0), (95, 1.96)):
+            # A point on the border of its interval may fall on either side of it.
+            near = 1.5 / SCENARIO.grid_points
+            held = np.mean(np.abs(errors) <= half * np.asarray(law.deviation))
+            assert scored[f"fitted_{share}"][instance, trial] == pytest.approx(held, abs=near)
+            held = np.mean(np.abs(truth - np.asarray(mean)) <= half * np.asarray(std))
+            assert scored[f"belief_{share}"][instance, trial] == pytest.approx(held, abs=near)

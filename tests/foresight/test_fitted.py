@@ -31,12 +31,7 @@ def foreseen():
         return foresight(belief), (belief.mean, belief.std), own_kernel(belief)
 
     def law(scenario, x, y, count=SLOTS, length_scale=0.45):
-        foresight, problem = make_foresight("fitted", scenario), problem_of(scenario)
-        foresight = jax.tree.map(
-            lambda node: problem if isinstance(node, Scenario) else node,
-            foresight,
-            is_leaf=lambda node: isinstance(node, Scenario),
-        )
+        foresight = make_foresight("fitted", scenario).on(problem_of(scenario))
         arrays = (jnp.asarray(each, jnp.float32) for each in (x, y))
         return ask(foresight, length_scale, *arrays, jnp.arange(SLOTS) < count, evaluation_grid(SIDE, scenario.extent))
 

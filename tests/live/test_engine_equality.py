@@ -9,6 +9,7 @@ from maipp.engine.observe import time_tolerance
 from maipp.live import LiveSurvey, world
 from maipp.live.messages import pack
 from maipp.scenario import Scenario
+from tests.conftest import TINY_PLANNERS
 from tests.shared.stepped import Stepped
 
 SCENARIO = Scenario(
@@ -123,6 +124,14 @@ def test_in_the_same_shape_decisions_are_the_same_to_the_bit(tiny_planner, tmp_p
     scenario = SCENARIO.replace(obstacles=WALL, end="start", reserve=0.05)
     slots = -(-5 * scenario.measurements_per_agent // 4)  # what a live survey has room for
     follow(scenario, tiny_planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
+
+
+def test_foreseeing_decides_the_same(tmp_path):
+    """What is foreseen, old samples among what it is foreseen from, in a domain that is not square."""
+    scenario = SCENARIO.replace(obstacles=WALL, extent=(1.0, 1.2))
+    slots = -(-5 * scenario.measurements_per_agent // 4)
+    planner = "foresight", TINY_PLANNERS["receding-horizon"]
+    follow(scenario, planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
 def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(tiny_planner, monkeypatch):

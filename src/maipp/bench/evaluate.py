@@ -18,14 +18,16 @@ import numpy as np
 from maipp.bench.fingerprint import planner_fingerprint
 from maipp.bench.latency import DecisionTime, decision_time
 from maipp.bench.machine import machine, versions
+from maipp.bench.map_scores import map_scores
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.rollout import lanes_at_most
-from maipp.engine.score import Metrics, score_missions
+from maipp.engine.score import score_missions
 from maipp.errors import InputError
 from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
+from maipp.foresight import Foresight, ForesightName, make_foresight
 from maipp.planners.given import AnyPlanner, given_planner
 from maipp.planners.options import values_of
 from maipp.problem import Shape, params_of, shape_of
@@ -64,7 +66,8 @@ class Evaluation:
     first: int  # number of the first instance: they are counted from 0
     trials: int
     seed: int
-    values: Mapping[str, Float[np.ndarray, "instances trials"]]  # per metric; the fields of `Metrics`
+    # Per metric: the fields of `Metrics`, and with a map those of `MapScores`.
+    values: Mapping[str, Float[np.ndarray, "instances trials"]]
     message_bytes: int  # what an agent sends at each decision
     decision_ms: DecisionTime | None  # None where it was not asked for
     wall_s: float  # all of it: drawing, compiling, running, scoring, timing
@@ -128,6 +131,7 @@ def evaluate(
     timing: bool = True,
     shape: Shape | None = None,
     field: Raster | None = None,
+    map: ForesightName | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """The planner's results on `instances * trials` missions (Yang et al. 2023, Sec. V: 30 x 10).
@@ -140,7 +144,9 @@ def evaluate(
     and fresh randomness of the planner. The instances are `draw_missions(seed=seed)`: training must never draw from
     this family of keys, or the evaluation is no longer held out. A scenario with a field file takes the file's shape
     as its extent, and its instances differ in the start only; `field` is that file where it is not to be read with the
-    defaults of `read_field`. `timing=False` saves one compilation.
+    defaults of `read_field`. `timing=False` saves one compilation. `map` names a foresight whose map is scored as well,
+    `FORESIGHT_rmse`, and how often the truth lies in its 68 and 95 % intervals, `FORESIGHT_68`, and in the belief's,
+    `belief_68`.
 
     `shape` is one that several evaluations share (`shape_of`), which are then compiled once: the numbers stay what they
     are up to rounding, missions with budgets below the largest take somewhat longer.
@@ -156,6 +162,7 @@ def evaluate(
     if field is not None:
         scenario = scenario.replace(extent=field.domain)
     name, made = given_planner(planner, scenario, options)
+    foresight = None if map is None else (map, make_foresight(map, scenario))
     missions = _draw(scenario, field, seed, (first, instances), trials, made, shape)
     return Evaluation(
         scenario=scenario,
@@ -165,7 +172,7 @@ def evaluate(
         first=first,
         trials=trials,
         seed=seed,
-        values=scored(made, missions, seed, trials, progress, first=first * trials),
+        values=scored(made, missions, seed, trials, progress, first=first * trials, foresight=foresight),
         message_bytes=message_bytes(made),
         decision_ms=decision_time(made, missions, planner_key(seed)) if timing else None,
         wall_s=time.perf_counter() - begun,
@@ -220,29 +227,38 @@ def to_json(evaluations: Sequence[Evaluation], comparisons: Sequence[Mapping[str
 
 
 def scored(
-    planner: Planner, missions: Mission, seed: int, trials: int, progress: Progress | None = None, *, first: int = 0
+    planner: Planner,
+    missions: Mission,
+    seed: int,
+    trials: int,
+    progress: Progress | None = None,
+    *,
+    first: int = 0,
+    foresight: tuple[str, Foresight] | None = None,
 ) -> dict[str, Float[np.ndarray, "instances trials"]]:
     """Every metric of all missions, `trials` to an instance; the number of the first mission is `first`.
 
-    They are run in parts of equal shape, so that each function is compiled once.
+    They are run in parts of equal shape, so that each function is compiled once. A `foresight`, with its name, is one
+    whose map is scored as well.
     """
     key, count = planner_key(seed), missions.start.shape[0]
     block = lanes_at_most(planner) * len(missions_devices())
     blocks = math.ceil(count / block)
     size = min(count, block * math.ceil(blocks / math.ceil(blocks / _BLOCKS_PER_PART)))
-    parts: list[Metrics] = []
+    parts: list[dict[str, Any]] = []
     for begin in range(0, count, size):
         index = np.minimum(np.arange(begin, begin + size), count - 1)
         part = jax.tree.map(lambda array, index=index: array[index], missions)
         states = run_missions(planner, part, key, first=first + begin)
         done = min(begin + size, count)
-        metrics = jax.device_get(score_missions(part, states, name=instance_and_trial(trials, first + begin)))
-        parts.append(jax.tree.map(lambda array, last=done - begin: array[:last], metrics))
+        metrics = vars(jax.device_get(score_missions(part, states, name=instance_and_trial(trials, first + begin))))
+        if foresight is not None:
+            metrics = metrics | map_scores(foresight[1], part, states).values(foresight[0])
+        parts.append({name: np.asarray(values)[: done - begin] for name, values in metrics.items()})
         if progress is not None:
             progress(done, count)
-    whole = jax.tree.map(lambda *rows: np.concatenate(rows), *parts)
-    names = (field.name for field in dataclasses.fields(Metrics))
-    return {name: np.asarray(getattr(whole, name), np.float64).reshape(-1, trials) for name in names}
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return {name: np.asarray(values, np.float64).reshape(-1, trials) for name, values in whole.items()}
 
 
 def _draw(

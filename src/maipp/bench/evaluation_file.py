@@ -82,12 +82,20 @@ def _what(part: Evaluation) -> str:
 
 
 def find(
-    known: Sequence[Evaluation], wanted: str, first: int, instances: int, fingerprint: str, *, timing: bool
+    known: Sequence[Evaluation],
+    wanted: str,
+    first: int,
+    instances: int,
+    fingerprint: str,
+    *,
+    timing: bool,
+    map: str | None = None,
 ) -> Evaluation | None:
     """Of those that are known the one that is `wanted` (`what`), over these instances and made by the same code."""
     for each in known:
         same = (each.first, each.instances) == (first, instances) and each.fingerprint == fingerprint != ""
-        if same and _what(each) == wanted and not (timing and each.decision_ms is None):
+        lacks = (timing and each.decision_ms is None) or (map is not None and f"{map}_rmse" not in each.values)
+        if same and _what(each) == wanted and not lacks:
             return each
     return None
 

@@ -18,6 +18,7 @@ from maipp.cli.notes import counting_bar, notes_console, results_console
 from maipp.cli.options import FieldFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
+from maipp.foresight import ForesightName
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.planners.options import values_of
 from maipp.problem import shape_of
@@ -59,6 +60,9 @@ class Evaluate(FieldFlags):
 
     timing: bool = True
     """measure the time of single decisions as well (costs one more compilation)"""
+
+    map: Annotated[ForesightName | None, tyro.conf.arg(metavar="FORESIGHT", help_behavior_hint="")] = None
+    """score the map of this foresight as well: its error, and how often its intervals and the belief's hold"""
 
     json: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """write everything, per-mission values included, to this file; - is standard output"""
@@ -132,7 +136,9 @@ def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
                 made = make_planner(planner, scenario, options)
                 wanted = what(planner, values_of(made), scenario, flags.seed, flags.trials)
                 code = fingerprint_of(made, field) if known else ""
-                evaluation = find(known, wanted, first, instances, code, timing=flags.timing) or evaluate(
+                evaluation = find(
+                    known, wanted, first, instances, code, timing=flags.timing, map=flags.map
+                ) or evaluate(
                     scenario,
                     planner,
                     options,
@@ -143,6 +149,7 @@ def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
                     timing=flags.timing,
                     shape=shape,
                     field=field,
+                    map=flags.map,
                     progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
                 )
                 done.append(evaluation)

@@ -7,6 +7,7 @@ from rich.table import Table
 
 from maipp.bench.comparison import Comparison, label
 from maipp.bench.evaluate import Evaluation
+from maipp.bench.map_scores import SUFFIXES
 from maipp.bench.page import three
 from maipp.cli.stopped import stopped_warning
 from maipp.scenario import Scenario
@@ -19,8 +20,11 @@ def means(evaluations: Sequence[Evaluation]) -> Table:
     table.add_column("planner", max_width=22, overflow="fold")
     # Roadmap planners may leave a rest that no edge fits; where nobody leaves any, the column would say nothing.
     left = any(evaluation.summary["unspent"].mean > 0.0 for evaluation in evaluations)
-    headings = ["B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", *["unspent"] * left, "ms", "p95"]
-    for heading in headings:
+    # Of a map: its error and its intervals, and the belief's.
+    drawn = list(dict.fromkeys(name for each in evaluations for name in each.values if name.endswith(SUFFIXES)))
+    maps = [name.replace("rmse", "RMSE").replace("_", " ") for name in drawn]
+    headings = ["B", "Tr(P)", "\u00b1 se", "std", "own belief", "true area", "RMSE", *maps, *["unspent"] * left]
+    for heading in [*headings, "ms", "p95"]:
         table.add_column(heading, justify="right", no_wrap=" " not in heading)
     for evaluation in evaluations:
         summary, time = evaluation.summary, evaluation.decision_ms
@@ -33,6 +37,7 @@ def means(evaluations: Sequence[Evaluation]) -> Table:
             _number(summary["own_trace"].mean),
             _number(summary["true_trace"].mean),
             _number(summary["rmse"].mean),
+            *(_number(summary[name].mean if name in summary else None) for name in drawn),
             *([_number(summary["unspent"].mean)] if left else []),
             _number(time and time.median),
             _number(time and time.p95),

@@ -1,14 +1,18 @@
 """The protocol between whoever foresees the field and whoever asks."""
 
 from abc import abstractmethod
+from typing import TypeVar
 
 import equinox as eqx
+import jax
 
 from maipp.belief import Belief
 from maipp.foresight.law import Law
 from maipp.problem import Problem
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
+
+F = TypeVar("F", bound="Foresight")
 
 
 class Foresight(eqx.Module):
@@ -20,6 +24,14 @@ class Foresight(eqx.Module):
     """
 
     scenario: Scenario | Problem
+
+    def on(self: F, problem: Problem) -> F:
+        """The same, and those that it is made of, for compiled code: this problem in place of the scenario."""
+        return jax.tree.map(
+            lambda node: problem if isinstance(node, Scenario) else node,
+            self,
+            is_leaf=lambda node: isinstance(node, Scenario),
+        )
 
     @abstractmethod
     def __call__(self, belief: Belief) -> Law:
