@@ -1,16 +1,17 @@
 """The learned foresight: what it starts from, what it may not depend on, and where it gives up."""
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.scipy.ndimage import map_coordinates
+from matplotlib.cbook import get_sample_data
 
 from maipp.belief import Matern32, condition
 from maipp.engine import draw_missions
 from maipp.errors import InputError
+from maipp.fields.gp_field import draw_fields
 from maipp.fields.mixture import evaluation_grid
 from maipp.foresight import make_foresight
 from maipp.foresight.fitted import fitted_foresight
@@ -24,6 +25,7 @@ from maipp.scenario import Scenario
 SIDE, SLOTS = 12, 24
 SCENARIO = Scenario(grid=SIDE)
 GRID = evaluation_grid(SIDE)
+GOLDEN_SHIFT, GOLDEN_STRETCH = [0.0] * 4, [0.0] * 4
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +38,25 @@ def ask():
         return foresight.fitted(belief), foresight(belief), foresight.correction(belief).trusted
 
     def of(model, x, y, count=SLOTS):
-        problem = problem_of(SCENARIO)
-        foresight = LearnedForesight(problem, dataclasses.replace(fitted_foresight(SCENARIO), scenario=problem), model)
+        foresight = LearnedForesight(SCENARIO, fitted_foresight(SCENARIO), model).on(problem_of(SCENARIO))
         arrays = (jnp.asarray(each, jnp.float32) for each in (x, y))
         return laws(foresight, *arrays, jnp.arange(SLOTS) < count)
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def errors(ask):
+    """Mean squared errors of the fitted and the shipped foresight on fields, and how often the network is trusted."""
+
+    def of(fields, count):
+        rng, rows = np.random.default_rng(5), []
+        for field in fields:
+            x = rng.random((SLOTS, 2)).astype(np.float32)
+            fitted, learned, trusted = ask(model_named(), x, field(jnp.asarray(x)), count)
+            truth = field(GRID)
+            rows.append([jnp.mean((fitted.mean - truth) ** 2), jnp.mean((learned.mean - truth) ** 2), trusted])
+        return np.mean(np.array(rows, float), axis=0)
 
     return of
 
@@ -119,3 +136,45 @@ def test_a_copy_without_weights_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr("maipp.foresight.shipped.files", lambda _: tmp_path)
     with pytest.raises(InputError, match="foresight learned: this copy of maipp has no weights"):
         make_foresight("learned", SCENARIO)
+
+
+def test_in_the_benchmark_s_fields_the_shipped_network_errs_less_than_the_fitted_foresight(errors):
+    """Of 40 fields that training never saw."""
+    missions = draw_missions(SCENARIO, seed=660_102, instances=40, roadmaps=False)
+    fields = [jax.tree.map(lambda a, i=i: a[i], missions.field) for i in range(40)]
+    for count in (12, SLOTS):
+        fitted, learned, trusted = errors(fields, count)
+        assert trusted > 0.95 and learned < fitted
+
+
+def test_in_fields_of_other_families_it_errs_no_more_than_the_fitted_foresight(errors):
+    """Draws of a Gaussian process and cuts of relief, standardised: the scores of the measurements tell both apart."""
+    draws = draw_fields(jax.random.key(660_103), Matern32(0.3, 1.0), 12)
+    fields = [jax.tree.map(lambda a, i=i: a[i], draws) for i in range(12)]
+    fitted, learned, _ = errors(fields, SLOTS)
+    assert learned < 1.05 * fitted
+    with np.load(str(get_sample_data("topobathy.npz", asfileobj=False))) as file:
+        heights = [file["topo"][i : i + 40, j : j + 40].astype(float) for i, j in ((5, 5), (10, 75), (50, 40))]
+    relief = [_standardised(height) for height in heights]
+    fitted, learned, _ = errors(4 * relief, SLOTS)
+    assert learned < 1.05 * fitted
+
+
+def _standardised(height):
+    """A cut of relief on the unit square."""
+    values = jnp.asarray((height - height.mean()) / height.std(), jnp.float32)
+
+    def field(points):
+        return map_coordinates(values, (points * (values.shape[0] - 1)).T, order=1)
+
+    return field
+
+
+def test_the_shipped_weights_give_what_they_gave(ask, surveyed):
+    """Numbers of the weights that ship, to within what processors round otherwise."""
+    x, y, _ = surveyed
+    fitted, learned, trusted = ask(model_named(), x, y)
+    assert trusted
+    shift = (learned.mean - fitted.mean) / fitted.deviation
+    np.testing.assert_allclose(shift[[0, 40, 77, 143]], GOLDEN_SHIFT, atol=5e-3)
+    np.testing.assert_allclose((learned.deviation / fitted.deviation)[[0, 40, 77, 143]], GOLDEN_STRETCH, atol=5e-3)
