@@ -11,12 +11,12 @@ strait example; the foresights are not told that the field is not of the benchma
 import argparse
 import sys
 from collections.abc import Iterator
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from matplotlib.cbook import get_sample_data
 from scipy.interpolate import RegularGridInterpolator
 
@@ -30,7 +30,9 @@ from maipp.foresight import Foresight, Law, make_foresight
 from maipp.foresight.learned import LearnedForesight, learned_foresight
 from maipp.markdown import markdown_table
 from maipp.planners import make_planner
+from maipp.problem import problem_of
 from maipp.scenario import Scenario
+from maipp.typing import Array
 
 # Measurements that the team knows, and the groups that these are told in.
 COUNTS = (1, 2, 3, 5, 7, 9, 11, 13, 15, 18, 21, 24, 28, 32, 36, 45, 60, 75)
@@ -53,7 +55,7 @@ class Judged(NamedTuple):
     trusted: Any  # whether the network was trusted; no foresight's axis
 
 
-def judge(foresights: list[Foresight], count: int, mission: Mission, state: State) -> Judged:
+def judge(foresights: list[Foresight], count: Array, mission: Mission, state: State) -> Judged:
     """One mission after the first `count` measurements of the team."""
     time = state.measurement_time.reshape(-1)
     order = jnp.argsort(jnp.argsort(time))
@@ -99,8 +101,6 @@ def relief(cut: tuple[int, int], scenario: Scenario, rng: np.random.Generator) -
     other = scenario.replace(
         length_scale=float(np.clip(fit.length_scale, 0.05, 2.0)),
         noise=float(noise),
-        threshold=0.4,
-        signal_variance=fit.signal_variance,
     )
     return as_field(lambda points: (between(np.asarray(points)) - level) / spread, (1.0, 1.0)), other
 
@@ -138,9 +138,13 @@ def main() -> int:
         planner = make_planner("receding-horizon", scenario)
         states = run_missions(planner, missions, jax.random.key(flags.seed))
         foresights = [make_foresight("fitted", scenario), learned_foresight(scenario, flags.weights)]
-        judged = [
-            jax.device_get(jax.jit(jax.vmap(partial(judge, foresights, count)))(missions, states)) for count in COUNTS
-        ]
+        foresights = [each.on(problem_of(scenario)) for each in foresights]
+
+        @jax.jit
+        def judge_all(count: Array, missions: Mission, states: State, foresights: Any = foresights) -> Judged:
+            return lax.map(lambda pair: judge(foresights, count, *pair), (missions, states))
+
+        judged = [jax.device_get(judge_all(jnp.int32(count), missions, states)) for count in COUNTS]
         table += rows(name, judged)
         print(f"{name}: {missions.start.shape[0]} worlds", file=sys.stderr, flush=True)
     heading = ["fields", "measurements", *(f"RMSE {who}" for who in WHO), "learned to protocol, %", "to fitted, %"]
