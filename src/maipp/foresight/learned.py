@@ -42,34 +42,38 @@ class LearnedForesight(Foresight):
 
     def __call__(self, belief: Belief) -> Law:
         """The law on the evaluation grid."""
-        return self._corrected(belief, self.fitted(belief))
+        return self._law(belief, self.scenario.grid)
 
     def at(self, belief: Belief, points: Float[Array, "p 2"]) -> Law:
         """The law at any points (domain units), given the same belief."""
-        return self._corrected(belief.on(points), self.fitted.at(belief, points))
+        return self._law(belief.on(points), None)
 
-    def _corrected(self, belief: Belief, law: Law) -> Law:
-        """The fitted law at the belief's query points, corrected."""
+    def _law(self, belief: Belief, side: int | None) -> Law:
+        """The fitted law at the belief's query points, a grid of `side` points a side or (None) any, corrected."""
         if self.fitted.bumps is None:
-            return law
-        return self.correction(belief).of(law, belief.query, self.scenario.extent)
+            return self.fitted.law(belief, side)
+        factor = self.fitted.bumps.factored(belief, self.scenario.extent)
+        law = self.fitted.law(belief, side, factor)
+        return self.correction(belief, factor).of(law, belief.query, self.scenario.extent)
 
-    def correction(self, belief: Belief) -> Correction:
-        """What the network corrects, given these measurements."""
+    def correction(self, belief: Belief, factor: Float[Array, "n n"] | None = None) -> Correction:
+        """What the network corrects, given these measurements; `factor` is that of the family, if it is there."""
         assert self.fitted.bumps is not None
         scenario = self.scenario
         rules = Rules(scenario.threshold, scenario.length_scale, scenario.signal_variance, scenario.extent)
-        maps, numbers = told(rules, self.fitted.bumps, belief, CELLS)
+        maps, numbers = told(rules, self.fitted.bumps, belief, CELLS, factor)
         count = jnp.sum(belief.mask)
         return corrected(self.model, maps, numbers, count, self.model.knows(numbers, count))
 
 
-def told(rules: Rules, bumps: Bumps, belief: Belief, cells: int) -> tuple[Float[Array, "h w c"], Float[Array, " g"]]:
+def told(
+    rules: Rules, bumps: Bumps, belief: Belief, cells: int, factor: Float[Array, "n n"] | None = None
+) -> tuple[Float[Array, "h w c"], Float[Array, " g"]]:
     """What a network with a lattice of `cells` points a side is told of a belief."""
     extent = rules.extent
     lattice = lattice_points(cells, extent)
     there = belief.on(lattice)
-    family, kernel = bumps.given(there, extent, cells), own_kernel(there)
+    family, kernel = bumps.given(there, extent, cells, factor), own_kernel(there)
     foretold = Foretold(averaged(family, kernel, ODDS), there.mean, there.std, family.evidence, kernel.evidence)
     maps, numbers = features(family_of(bumps, extent), rules, belief, foretold, lattice)
     return maps.reshape(cells, cells, -1), numbers

@@ -114,8 +114,9 @@ def _sample(config: ForesightConfig, routes: Routes, kinds: Kinds, slots: int, p
     places = _places(next(keys), CELLS) * extent[:, None]
     points = jnp.stack(jnp.meshgrid(places[0], places[1], indexing="ij"), axis=-1).reshape(-1, 2)
     belief = condition(Matern32(length_scale, 1.0), x, y, mask, points, noise)
-    maps, numbers = told(Rules(threshold, length_scale, jnp.ones(()), extent), bumps, belief, CELLS)
-    fitted = averaged(bumps.given(belief, extent, CELLS), own_kernel(belief), ODDS)
+    factor = bumps.factored(belief, extent)
+    maps, numbers = told(Rules(threshold, length_scale, jnp.ones(()), extent), bumps, belief, CELLS, factor)
+    fitted = averaged(bumps.given(belief, extent, CELLS, factor), own_kernel(belief), ODDS)
     return Sample(
         maps,
         numbers,
