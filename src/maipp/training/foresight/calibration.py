@@ -27,7 +27,7 @@ CALIBRATED = 12
 _ONE, _TWO = 0.9945, 1.96
 
 # Part of the training's numbers beyond either end of what the model takes for known, and a margin on top of the rest.
-_TAIL, _MARGIN = 5e-4, 0.05
+_TAIL, _MARGIN = 5e-4, 0.1
 
 
 def samples_of(config: ForesightConfig, routes: Routes, kinds: Kinds, seed: int, count: int) -> Iterator[list[Sample]]:
