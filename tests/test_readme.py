@@ -82,7 +82,8 @@ def test_make_has_the_targets():
 def test_the_table_names_every_planner():
     table = README.partition("<!-- table1:start -->")[2].partition("<!-- table1:end -->")[0]
     first_cells = re.findall(r"^\| `([^`]+)`", table, flags=re.MULTILINE)
-    assert set(first_cells) == set(planner_names())
+    # What `foresight` is compared with is in docs/foresight.md: by more than Tr(P), which is all that the table has.
+    assert set(first_cells) == set(planner_names()) - {"foresight"}
     assert "maipp benchmark table1" in table  # what made it
 
 

@@ -90,7 +90,9 @@ def result(survey, tmp_path_factory):
     out, before = tmp_path_factory.mktemp("out") / "new", (folder / "journal").read_bytes()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("maipp.devices._configured", True)
-        assert main(["result", str(folder / "journal"), "--out", str(out), "--cells", "20"]) == 0
+        assert (
+            main(["result", str(folder / "journal"), "--out", str(out), "--cells", "20", "--foresight", "fitted"]) == 0
+        )
     assert (folder / "journal").read_bytes() == before
     return out
 
@@ -108,16 +110,20 @@ def bands(folder):
 def test_the_map_is_the_live_survey_s_belief_in_the_mission_s_system(survey, result):
     live, _ = survey
     values, transform, crs, names, units = bands(result)
-    assert crs.to_epsg() == 25833 and names == ("mean", "std", "high_interest") and units[:2] == ("g/L", "g/L")
+    foreseen = ("foreseen_mean", "foreseen_std")
+    assert crs.to_epsg() == 25833 and names == ("mean", "std", "high_interest", *foreseen)
+    assert units == ("g/L", "g/L", None, "g/L", "g/L")
     assert (transform.a, -transform.e) == pytest.approx((50.0, 50.0), rel=1e-3)  # 1 km in 20 cells
     rows, columns = np.nonzero(np.isfinite(values[0]))
     some = slice(None, None, len(rows) // 60)
     x, y = transform.c + transform.a * (columns + 0.5), transform.f + transform.e * (rows + 0.5)
     places = zip(x[some] - 390000, y[some] - 5820000, strict=True)
-    answer = live.belief([tuple(degrees(place)) for place in places])
+    answer = live.belief([tuple(degrees(place)) for place in places], "fitted")
     # The same belief in float32, at positions that went through degrees with nine digits.
     assert values[0][rows, columns][some] == pytest.approx(answer["mean"], abs=1e-3)
     assert values[1][rows, columns][some] == pytest.approx(answer["std"], abs=1e-3)
+    for band, name in enumerate(foreseen, start=3):
+        assert values[band][rows, columns][some] == pytest.approx(answer[name], abs=1e-3)
     # 2 where the mean reaches the threshold; 0 only where the bound does not, which is above the mean.
     assert ((values[2] == 2) == (values[0] >= 12)).all() and set(np.unique(values[2][rows, columns])) == {0, 1, 2}
 
@@ -187,6 +193,7 @@ def test_an_earlier_journal_needs_its_mission(survey, result, tmp_path, capsys):
     old.close()
     (tmp_path / "old").write_bytes((tmp_path / "old").read_bytes() + b'{"sum":"12')  # being written
     arguments = ["result", str(tmp_path / "old"), "--out", str(tmp_path / "out"), "--cells", "20"]
+    arguments += ["--foresight", "fitted"]
     assert main(arguments) == 2
     assert "an earlier version, without its mission; give that: --mission FILE" in capsys.readouterr().err
     assert main([*arguments, "--mission", str(folder / "mission.yaml")]) == 0

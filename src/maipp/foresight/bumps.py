@@ -9,7 +9,6 @@ Fields are divided by their maximum, which changes the factors before these term
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jax.scipy.special import erf
 
 from maipp.belief import Belief
 from maipp.belief.posterior import nugget_factor
@@ -108,5 +107,6 @@ class Bumps(eqx.Module):
 
 def _inside(x: Float[Array, "*n"], width: Float[Array, " k"], side: Real) -> Float[Array, "*m k"]:
     """The part of a bump around x, of this variance, that lies within the axis."""
-    root = jnp.sqrt(2.0 * width)
-    return 0.5 * (erf((side - x) / root) + erf(x / root))
+    # Of two error functions, not of two normal probabilities, which take three times as long.
+    scale = 1.0 / jnp.sqrt(2.0 * width)
+    return 0.5 * (lax.erf((side - x) * scale) + lax.erf(x * scale))

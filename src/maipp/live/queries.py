@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
 from maipp.belief.refit import Hyperparameters
+from maipp.foresight import Foresight, ForesightName, make_foresight
 from maipp.live.believe import believe
 from maipp.live.changes import Changes
 from maipp.live.measurements import Measurements
@@ -16,6 +18,7 @@ from maipp.live.request import PROTOCOL
 from maipp.live.robots import TRAVELLING, Robot
 from maipp.live.units import Units
 from maipp.live.world import Setup, World
+from maipp.scenario import Scenario
 
 
 def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int, changes: Changes) -> dict[str, Any]:
@@ -99,9 +102,14 @@ def told(kernel: Hyperparameters, old: int, units: Units) -> dict[str, Any]:
 
 
 def belief(
-    world: World, setup: Setup, measurements: Measurements, points: Sequence[tuple[float, float]] | None
+    world: World,
+    setup: Setup,
+    measurements: Measurements,
+    points: Sequence[tuple[float, float]] | None,
+    foresight: ForesightName | None = None,
 ) -> dict[str, Any]:
-    """Mean and standard deviation at the caller's points, or on the evaluation grid. `InputError` for one far off."""
+    """Mean and standard deviation at the caller's points, or on the evaluation grid; those that a foresight expects
+    of the true field as well, if one is named. `InputError` for a point far off."""
     units = setup.units
     answer: dict[str, Any] = {"answer": "belief", "measurements": len(measurements)}
     if points is None:
@@ -110,7 +118,17 @@ def belief(
     else:
         where = np.array([units.position(f"points[{i}]", point) for i, point in enumerate(points)])
     mean, std = believe(world.mission, measurements, where)
-    return answer | {"mean": units.values_out(mean), "std": units.std_out(std)}
+    answer |= {"mean": units.values_out(mean), "std": units.std_out(std)}
+    if foresight is None:
+        return answer
+    mean, std = believe(world.mission, measurements, where, _foresight(foresight, world.scenario))
+    return answer | {"foreseen_mean": units.values_out(mean), "foreseen_std": units.std_out(std)}
+
+
+@lru_cache(maxsize=4)
+def _foresight(name: str, scenario: Scenario) -> Foresight:
+    """Of a world; made once."""
+    return make_foresight(name, scenario)
 
 
 def header(world: World, setup: Setup) -> dict[str, Any]:

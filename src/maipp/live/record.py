@@ -10,6 +10,7 @@ import numpy as np
 
 from maipp.engine import Mission
 from maipp.errors import InputError
+from maipp.foresight import Foresight
 from maipp.live.believe import believe
 from maipp.live.changes import Changes
 from maipp.live.changing import proposed
@@ -59,9 +60,11 @@ class Record:
     ground: Ground
     changes: Changes = Changes()
 
-    def belief(self, points: Float[np.ndarray, "p 2"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    def belief(
+        self, points: Float[np.ndarray, "p 2"], foresight: Foresight | None = None
+    ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Mean and standard deviation at domain positions, standardised values: what `LiveSurvey.belief` answers."""
-        return believe(self.mission, self.measurements, points)
+        return believe(self.mission, self.measurements, points, foresight)
 
     @property
     def names(self) -> tuple[str, ...]:

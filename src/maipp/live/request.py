@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from maipp.errors import InputError
+from maipp.foresight import ForesightName
 from maipp.records import Length, Value, read_json
 from maipp.records.kinds import Finite
 
@@ -52,6 +53,7 @@ class Belief(State):
     """What is believed of the field, at these points or on the evaluation grid?"""
 
     points: _Points | None = None
+    foresight: ForesightName | None = None
 
 
 Query = Hello | State | Belief

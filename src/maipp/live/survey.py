@@ -10,6 +10,7 @@ import numpy as np
 
 from maipp.belief.refit import HyperPrior
 from maipp.errors import InputError
+from maipp.foresight import ForesightName
 from maipp.live import queries
 from maipp.live.answers import late, state_of, told
 from maipp.live.arrival import Arrival, decide_arrival, turn_home
@@ -185,13 +186,16 @@ class LiveSurvey:
         events = len(self._answers)
         return queries.state(self.setup, self._robots, events, self._measurements, self._changes)
 
-    def belief(self, points: Sequence[tuple[float, float]] | None = None) -> dict[str, Any]:
+    def belief(
+        self, points: Sequence[tuple[float, float]] | None = None, foresight: ForesightName | None = None
+    ) -> dict[str, Any]:
         """Mean and standard deviation at the caller's points; without points, on the evaluation grid.
 
-        Points of the grid that lie in no-go zones have `inside` false. Raises `InputError` where one is not finite.
+        With a `foresight` what it expects of the true field as well, `foreseen_mean` and `foreseen_std`. Points of the
+        grid that lie in no-go zones have `inside` false. Raises `InputError` where one is not finite.
         """
         self._check_sound()
-        return whole(queries.belief(self.world, self.setup, self._measurements, points))
+        return whole(queries.belief(self.world, self.setup, self._measurements, points, foresight))
 
     def warm_up(self) -> None:
         """Compile all that answers need, so that none has to wait for it."""
@@ -239,7 +243,7 @@ class LiveSurvey:
     def _ask(self, query: Query) -> dict[str, Any]:
         name = {} if query.id is None else {"id": query.id}
         if isinstance(query, Belief):
-            answer = self.belief(query.points)
+            answer = self.belief(query.points, query.foresight)
         else:
             answer = self.hello() if isinstance(query, Hello) else self.state()
         return {"answer": answer.pop("answer")} | name | answer

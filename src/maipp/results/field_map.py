@@ -10,6 +10,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from maipp.engine.score import interest_of
+from maipp.foresight import Foresight, ForesightName, make_foresight
 from maipp.geo import Crs, transform, unwrap
 from maipp.results.taken import Taken
 from maipp.roadmap import Obstacles
@@ -34,6 +35,9 @@ class FieldMap:
     # 2 where the mean reaches the threshold, 1 where it only cannot be ruled out that the value does, 0 elsewhere; None
     # without a threshold.
     interest: Float[np.ndarray, "r c"] | None
+    # What a foresight expects of the true field, the caller's unit; None: none was asked.
+    foreseen_mean: Float[np.ndarray, "r c"] | None = None
+    foreseen_std: Float[np.ndarray, "r c"] | None = None
 
     @cached_property
     def inside(self) -> Bool[np.ndarray, "r c"]:
@@ -45,8 +49,8 @@ class FieldMap:
         return None if self.interest is None else float((self.interest[self.inside] >= least).mean())
 
 
-def field_map(taken: Taken, cells: int = CELLS) -> FieldMap:
-    """The map, with `cells` along the longer side, square on the ground."""
+def field_map(taken: Taken, cells: int = CELLS, foresight: ForesightName | None = None) -> FieldMap:
+    """The map, with `cells` along the longer side, square on the ground; that of a foresight too, if one is named."""
     user = _border(taken)
     border = _moved(taken, shapely.get_coordinates(user))
     (west, south), (east, north) = border.min(axis=0), border.max(axis=0)
@@ -63,7 +67,7 @@ def field_map(taken: Taken, cells: int = CELLS) -> FieldMap:
     points = taken.frame.to_domain(transform(middles, taken.crs, taken.frame.crs) if back else middles)
     inside = _inside(taken, user, points)
     mean, std = _asked(taken, points[inside])
-    scenario = taken.episode.scenario
+    scenario, foreseen = taken.episode.scenario, {}
     bound = np.asarray(interest_of(scenario).bound(jnp.asarray(mean), jnp.asarray(std**2)))
     interest = 1.0 * (bound >= scenario.threshold) + (mean >= scenario.threshold)
 
@@ -72,6 +76,10 @@ def field_map(taken: Taken, cells: int = CELLS) -> FieldMap:
         whole[inside] = values
         return whole.reshape(rows, columns)
 
+    if foresight is not None:
+        law = _asked(taken, points[inside], make_foresight(foresight, scenario))
+        foreseen["foreseen_mean"] = spread(taken.frame.to_user_values(law[0]))
+        foreseen["foreseen_std"] = spread(taken.frame.to_user_std(law[1]))
     return FieldMap(
         crs=taken.crs,
         west=float(west),
@@ -80,6 +88,7 @@ def field_map(taken: Taken, cells: int = CELLS) -> FieldMap:
         mean=spread(taken.frame.to_user_values(mean)),
         std=spread(taken.frame.to_user_std(std)),
         interest=spread(interest) if taken.threshold_given else None,
+        **foreseen,
     )
 
 
@@ -118,12 +127,14 @@ def _inside(taken: Taken, border: BaseGeometry, points: Float[np.ndarray, "n 2"]
     return shapely.contains_xy(shapely.difference(area, as_region(zones)), points[:, 0], points[:, 1])
 
 
-def _asked(taken: Taken, points: Float[np.ndarray, "p 2"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+def _asked(
+    taken: Taken, points: Float[np.ndarray, "p 2"], foresight: Foresight | None = None
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean and standard deviation at domain positions, asked in parts of one size."""
     means, stds = [np.zeros(0)], [np.zeros(0)]
     for first in range(0, len(points), _TOGETHER):
         part = points[first : first + _TOGETHER]
-        mean, std = taken.belief(part[np.minimum(np.arange(_TOGETHER), len(part) - 1)])
+        mean, std = taken.belief(part[np.minimum(np.arange(_TOGETHER), len(part) - 1)], foresight)
         means.append(np.asarray(mean, np.float64)[: len(part)])
         stds.append(np.asarray(std, np.float64)[: len(part)])
     return np.concatenate(means), np.concatenate(stds)

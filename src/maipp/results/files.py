@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from maipp.files import staged_folder, write_atomic
+from maipp.foresight import ForesightName
 from maipp.results.field_map import CELLS, field_map
 from maipp.results.geotiff import load_rasterio, write_geotiff
 from maipp.results.numbers import numbers
@@ -24,15 +25,18 @@ class Result(NamedTuple):
     files: tuple[str, ...]  # names; without the report where plotly is not installed
 
 
-def write_result(taken: Taken, folder: str | os.PathLike[str], *, cells: int = CELLS) -> Result:
+def write_result(
+    taken: Taken, folder: str | os.PathLike[str], *, cells: int = CELLS, foresight: ForesightName | None = None
+) -> Result:
     """Write map.tif, samples.csv, report.html and result.json into the folder, made if need be; older ones go.
 
-    `cells` is the number of cells along the longer side of the map. Without plotly there is no report.
+    `cells` is the number of cells along the longer side of the map, which has what a `foresight` expects of the true
+    field as well, if one is named. Without plotly there is no report.
     Raises `InputError` where rasterio is missing and where the folder cannot be written to, which is then as it was.
     """
     load_rasterio()  # before any work
     with staged_folder(folder, gone=(REPORT,)) as stage:
-        drawn = field_map(taken, cells)
+        drawn = field_map(taken, cells, foresight)
         told = numbers(taken, drawn)
         files = [MAP, SAMPLES, *([REPORT] if find_spec("plotly") is not None else []), NUMBERS]
         told |= {"summary": sentences(told), "files": files}

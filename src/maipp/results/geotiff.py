@@ -12,7 +12,7 @@ from maipp.errors import InputError
 from maipp.results.field_map import FieldMap
 from maipp.typing import Float
 
-BANDS = ("mean", "std", "high_interest")
+BANDS = ("mean", "std", "high_interest", "foreseen_mean", "foreseen_std")
 
 
 def load_rasterio() -> Any:
@@ -28,7 +28,7 @@ def load_rasterio() -> Any:
 
 def bands(drawn: FieldMap) -> dict[str, Float[np.ndarray, "r c"]]:
     """The bands of the file by their names, in order."""
-    values = (drawn.mean, drawn.std, drawn.interest)
+    values = (drawn.mean, drawn.std, drawn.interest, drawn.foreseen_mean, drawn.foreseen_std)
     return {name: band for name, band in zip(BANDS, values, strict=True) if band is not None}
 
 

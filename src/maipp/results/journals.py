@@ -12,6 +12,7 @@ import numpy as np
 
 from maipp.belief import PriorSamples
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics
+from maipp.foresight import Foresight
 from maipp.geo import GeoReference
 from maipp.live.kernel import interest_under, under
 from maipp.live.measurements import Slots
@@ -75,10 +76,10 @@ def taken_from(record: Record, source: str) -> Taken:
 
 
 def _belief(
-    record: Record, points: Float[np.ndarray, "p 2"]
+    record: Record, points: Float[np.ndarray, "p 2"], foresight: Foresight | None = None
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """The belief in the values of the episode, which are standardised by the kernel that was found."""
-    mean, std = record.belief(points)
+    mean, std = record.belief(points, foresight)
     level, scale = (np.array(number, mean.dtype) for number in record.measurements.standard)
     return (mean - level) / scale, std / scale
 

@@ -103,4 +103,4 @@ def _belief(episode: Episode) -> Beliefs:
         np.pad(by, (0, room)),
         np.arange(len(y) + room) < len(y),
     )
-    return lambda points: moments(mission, slots, points)
+    return lambda points, foresight=None: moments(mission, slots, points, foresight)

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from maipp.engine.episode import Episode
+from maipp.foresight import Foresight
 from maipp.geo import Crs, GeoReference
 from maipp.typing import Float
 
@@ -16,7 +17,10 @@ Out = Literal["surprise", "stuck", "withdrawn", "empty"]
 # A robot this near to its home is there, measurement intervals: positions are not exact.
 AT_HOME = 0.05
 
-Beliefs = Callable[[Float[np.ndarray, "p 2"]], tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]]
+# Of positions, and of the foresight whose law is asked for in place of the belief, or None.
+Beliefs = Callable[
+    [Float[np.ndarray, "p 2"], Foresight | None], tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import signal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -94,11 +95,12 @@ def test_a_configuration_goes_through_yaml_and_says_what_is_wrong():
     for config in (ForesightConfig(), TINY):
         assert parse_config(dump_config(config), kind=kind) == config
     assert override(TINY, ["batch=4", "planners=random"]) == dataclasses.replace(TINY, batch=4, planners=("random",))
-    for wrong, text in (
+    wrongs: list[tuple[dict[str, Any], str]] = [
         ({"planners": ("gipsy",)}, "gipsy is none of receding-horizon"),
         ({"width": 7}, "give an even number"),
         ({"gradient_norm": 0.0}, "give a number > 0"),
-    ):
+    ]
+    for wrong, text in wrongs:
         with pytest.raises(InputError, match=text):
             ForesightConfig(**wrong)
 
