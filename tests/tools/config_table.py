@@ -30,8 +30,8 @@ def with_config_table(page: str, named: Mapping[str, Any] = NAMED, marker: str =
     heading, rows = ["Key", *(f"`{name}`" for name in named), "Meaning"], []
     for row in fields_of(type(named["default"])):
         value = default[row.name]
-        named = [f"`{other[row.name]}`" if other[row.name] != value else "" for other in others]
-        rows.append([f"`{row.name}`", f"`{value}`", *named, row.meaning])
+        apart = [f"`{other[row.name]}`" if other[row.name] != value else "" for other in others]
+        rows.append([f"`{row.name}`", f"`{value}`", *apart, row.meaning])
     return filled(page, f"<!-- {marker} -->", f"<!-- /{marker} -->", markdown_table(heading, rows, left=len(heading)))
 
 
