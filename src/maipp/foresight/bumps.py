@@ -72,16 +72,24 @@ class Bumps(eqx.Module):
         each = jnp.exp(-0.25 * apart * apart / self.widths) * _inside(middle, 0.5 * self.widths, side)
         return each @ (self.weights * self.widths**-1.5) / side
 
-    def given(self, belief: Belief, extent: Extent, side: int | None) -> Weighed:
-        """The law at the belief's query points, given its measurements.
-
-        `side`: the query points are a grid with so many to a side, x slowest; None: any.
-        """
-        x, mask, query = belief.x, belief.mask, belief.query
+    def factored(self, belief: Belief, extent: Extent) -> Float[Array, "n n"]:
+        """The lower factor of the covariance of the belief's measurements: most of the work of `given`."""
+        x, mask = belief.x, belief.mask
         extra = 0.0 if belief.extra_noise is None else belief.extra_noise
         gram = jnp.where(mask[:, None] & mask[None, :], self.covariance(x, x, extent), 0.0)
         gram = gram + jnp.diag(jnp.where(mask, extra, self.signal))
-        factor, _ = nugget_factor(gram, belief.noise + _NUGGET * self.signal, self.signal)
+        return nugget_factor(gram, belief.noise + _NUGGET * self.signal, self.signal)[0]
+
+    def given(
+        self, belief: Belief, extent: Extent, side: int | None, factor: Float[Array, "n n"] | None = None
+    ) -> Weighed:
+        """The law at the belief's query points, given its measurements.
+
+        `side`: the query points are a grid with so many to a side, x slowest; None: any. `factor` is what `factored`
+        gives, if it is there already.
+        """
+        x, mask, query = belief.x, belief.mask, belief.query
+        factor = self.factored(belief, extent) if factor is None else factor
         if side is None:
             cross = self.covariance(x, query, extent)
         else:

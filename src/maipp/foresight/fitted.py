@@ -28,16 +28,17 @@ class FittedForesight(Foresight):
 
     def __call__(self, belief: Belief) -> Law:
         """The law on the evaluation grid."""
-        return self._law(belief, self.scenario.grid)
+        return self.law(belief, self.scenario.grid)
 
     def at(self, belief: Belief, points: Float[Array, "p 2"]) -> Law:
         """The law at any points (domain units), given the same belief."""
-        return self._law(belief.on(points), None)
+        return self.law(belief.on(points), None)
 
-    def _law(self, belief: Belief, side: int | None) -> Law:
+    def law(self, belief: Belief, side: int | None, factor: Float[Array, "n n"] | None = None) -> Law:
+        """The law at the belief's query points; `side` and `factor` as in `Bumps.given`."""
         if self.bumps is None:
             return any_length_scale(belief).law
-        return averaged(self.bumps.given(belief, self.scenario.extent, side), own_kernel(belief), ODDS)
+        return averaged(self.bumps.given(belief, self.scenario.extent, side, factor), own_kernel(belief), ODDS)
 
 
 def fitted_foresight(scenario: Scenario) -> FittedForesight:
