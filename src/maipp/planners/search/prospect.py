@@ -76,11 +76,16 @@ def aim_of(name: ForesightName, aim: float | None) -> float:
 def foresight_for(
     name: ForesightName, aim: float | None, scenario: ScenarioLike, made: Foresight | None
 ) -> Foresight | None:
-    """The foresight that a planner asks: None where it would say what the planner knows without. `made` is kept."""
-    if not isinstance(scenario, Scenario):
-        return made
+    """The foresight that a planner asks: None where it would say what the planner knows without.
+
+    One that was `made` for the scenario is kept, and made it must be for a compiled problem: else `InputError`.
+    """
     if name == "protocol" and not aim:
         return None
+    if not isinstance(scenario, Scenario):
+        if made is None:
+            raise InputError(f"foresight={name}: is made of a scenario, not of a compiled problem; give `foreseer` too")
+        return made
     if made is not None and made.scenario == scenario:
         return made
     return make_foresight(name, scenario)
