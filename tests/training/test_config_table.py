@@ -10,13 +10,13 @@ from maipp.errors import InputError
 from maipp.records import fields_of
 from maipp.training.config import NAMED, TrainConfig
 from maipp.training.train import train
-from tests.tools.config_table import with_config_table
+from tests.tools.config_table import with_config_table, with_config_tables
 
 PAGE = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
 
 
 def test_the_table_is_the_dataclass_s():
-    assert with_config_table(PAGE) == PAGE, "run: python -m tests.tools.config_table docs/training.md"
+    assert with_config_tables(PAGE) == PAGE, "run: python -m tests.tools.config_table docs/training.md"
 
 
 def test_every_key_has_a_meaning_and_a_row():

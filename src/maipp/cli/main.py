@@ -34,6 +34,7 @@ COMMANDS = {
     "worker": Command("Worker", False, "work for a cluster with the cores of this machine"),
     "scheduler": Command("Scheduler", False, "be the scheduler of a cluster"),
     "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
+    "train foresight": Command("TrainForesight", True, "train the network that foresees the field"),
     "live": Command("Live", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
     "result": Command(
         "Result", True, "write what a survey took home, from its journal or record: map, samples, report"

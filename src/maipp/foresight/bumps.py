@@ -9,7 +9,6 @@ Fields are divided by their maximum, which changes the factors before these term
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jax.scipy.special import ndtr
 
 from maipp.belief import Belief
 from maipp.belief.posterior import nugget_factor
@@ -73,16 +72,24 @@ class Bumps(eqx.Module):
         each = jnp.exp(-0.25 * apart * apart / self.widths) * _inside(middle, 0.5 * self.widths, side)
         return each @ (self.weights * self.widths**-1.5) / side
 
-    def given(self, belief: Belief, extent: Extent, side: int | None) -> Weighed:
-        """The law at the belief's query points, given its measurements.
-
-        `side`: the query points are a grid with so many to a side, x slowest; None: any.
-        """
-        x, mask, query = belief.x, belief.mask, belief.query
+    def factored(self, belief: Belief, extent: Extent) -> Float[Array, "n n"]:
+        """The lower factor of the covariance of the belief's measurements: most of the work of `given`."""
+        x, mask = belief.x, belief.mask
         extra = 0.0 if belief.extra_noise is None else belief.extra_noise
         gram = jnp.where(mask[:, None] & mask[None, :], self.covariance(x, x, extent), 0.0)
         gram = gram + jnp.diag(jnp.where(mask, extra, self.signal))
-        factor, _ = nugget_factor(gram, belief.noise + _NUGGET * self.signal, self.signal)
+        return nugget_factor(gram, belief.noise + _NUGGET * self.signal, self.signal)[0]
+
+    def given(
+        self, belief: Belief, extent: Extent, side: int | None, factor: Float[Array, "n n"] | None = None
+    ) -> Weighed:
+        """The law at the belief's query points, given its measurements.
+
+        `side`: the query points are a grid with so many to a side, x slowest; None: any. `factor` is what `factored`
+        gives, if it is there already.
+        """
+        x, mask, query = belief.x, belief.mask, belief.query
+        factor = self.factored(belief, extent) if factor is None else factor
         if side is None:
             cross = self.covariance(x, query, extent)
         else:
@@ -100,5 +107,6 @@ class Bumps(eqx.Module):
 
 def _inside(x: Float[Array, "*n"], width: Float[Array, " k"], side: Real) -> Float[Array, "*m k"]:
     """The part of a bump around x, of this variance, that lies within the axis."""
-    root = jnp.sqrt(width)
-    return ndtr((side - x) / root) - ndtr(-x / root)
+    # Of two error functions, not of two normal probabilities, which take three times as long.
+    scale = 1.0 / jnp.sqrt(2.0 * width)
+    return 0.5 * (lax.erf((side - x) * scale) + lax.erf(x * scale))

@@ -7,7 +7,7 @@ from maipp.foresight.foresight import Foresight
 from maipp.records import unknown
 from maipp.scenario import Scenario
 
-ForesightName = Literal["protocol", "fitted"]
+ForesightName = Literal["protocol", "fitted", "learned"]
 FORESIGHTS: tuple[str, ...] = get_args(ForesightName)
 
 
@@ -21,4 +21,8 @@ def make_foresight(name: str, scenario: Scenario) -> Foresight:
         from maipp.foresight.fitted import fitted_foresight
 
         return fitted_foresight(scenario)
+    if name == "learned":
+        from maipp.foresight.learned import learned_foresight
+
+        return learned_foresight(scenario)
     raise InputError(unknown("foresight", name, list(FORESIGHTS)))

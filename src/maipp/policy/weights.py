@@ -4,9 +4,10 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -39,7 +40,18 @@ class _Architecture:
     use_intent: bool
 
 
-def save_weights(network: PolicyNetwork, path: StrPath, card: dict[str, Any]) -> None:
+class Kind(NamedTuple):
+    """What a file of weights holds."""
+
+    schema: str  # that its card names
+    architecture: type  # a dataclass: the part of the card that says which network it is
+    network: Callable[..., Any]  # of a random key and the values of that dataclass; it has them as its `architecture`
+
+
+POLICY = Kind(SCHEMA, _Architecture, PolicyNetwork)
+
+
+def save_weights(network: Any, path: StrPath, card: dict[str, Any], kind: Kind = POLICY) -> None:
     """Write the weights to `path` (.safetensors) and the card beside them (.json).
 
     The card is `card` (how the weights were trained, on what, with which result: anything JSON can hold) with the
@@ -52,7 +64,7 @@ def save_weights(network: PolicyNetwork, path: StrPath, card: dict[str, Any]) ->
         if not np.isfinite(tensor).all():
             raise InputError(f"{target}: not written: {name} holds NaN or infinite weights")
     content = save(tensors)
-    full = {**card, "schema": SCHEMA, "architecture": network.architecture, "sha256": _digest(content)}
+    full = {**card, "schema": kind.schema, "architecture": network.architecture, "sha256": _digest(content)}
     try:
         text = json.dumps(full, indent=2, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -61,22 +73,22 @@ def save_weights(network: PolicyNetwork, path: StrPath, card: dict[str, Any]) ->
     write_atomic(card_path, text + "\n")
 
 
-def load_weights(path: StrPath) -> tuple[PolicyNetwork, dict[str, Any]]:
-    """The network in a file that `save_weights` wrote, and its card.
+def load_weights(path: StrPath, kind: Kind = POLICY) -> tuple[Any, dict[str, Any]]:
+    """The network of this kind in a file that `save_weights` wrote, and its card.
 
     Raises InputError naming the file where either file is missing, is not what it should be, or does not belong to
     the other.
     """
     target, card_path = _paths(path)
-    card = _read_card(card_path)
-    architecture = dataclasses.asdict(card["architecture"].record(_Architecture))
+    card = _read_card(card_path, kind.schema)
+    architecture = dataclasses.asdict(card["architecture"].record(kind.architecture))
     content = _read(target)
     try:
         tensors = dict(deserialize(content))
     except SafetensorError as error:
         raise InputError(f"{target}: not a safetensors file, or cut short: {error}") from None
     try:
-        shape = eqx.filter_eval_shape(PolicyNetwork, jax.random.key(0), **architecture)
+        shape = eqx.filter_eval_shape(kind.network, jax.random.key(0), **architecture)
     except InputError as error:
         raise InputError(f"{card_path}: architecture: {error}") from None
     expected = _named(shape)
@@ -102,7 +114,7 @@ def _paths(path: StrPath) -> tuple[Path, Path]:
     return target, target.with_suffix(".json")
 
 
-def _named(network: PolicyNetwork) -> dict[str, Any]:
+def _named(network: Any) -> dict[str, Any]:
     """The leaves of the pytree by their path, such as `encoder.0.attention.output.weight`."""
     leaves = jax.tree_util.tree_flatten_with_path(network)[0]
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
@@ -119,12 +131,12 @@ def _read(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
-def _read_card(path: Path) -> Value:
+def _read_card(path: Path, schema: str) -> Value:
     """The card, with all the keys it must have."""
     card = read_json(_read(path), str(path))
     for key in ("architecture", "sha256"):
         card[key]
-    card["schema"].fit(Literal[SCHEMA], f"{SCHEMA!r}, the one that this version reads")  # type: ignore[valid-type]
+    card["schema"].fit(Literal[schema], f"{schema!r}, the one that this version reads")  # type: ignore[valid-type]
     try:
         json.dumps(card.value, allow_nan=False)  # Python reads NaN and 1e999, which are no JSON and no results
     except ValueError:

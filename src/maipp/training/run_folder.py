@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.training.checkpoint import latest_card
-from maipp.training.config import TrainConfig
 from maipp.training.config_io import config_to_dict, dump_config
 from maipp.training.journal import LOG
 
@@ -30,7 +29,7 @@ class Record(NamedTuple):
         return cls(**{name: card[name] for name in cls._fields})
 
 
-def claim(out: Path, config: TrainConfig, *, resume: bool, writes: bool = True) -> None:
+def claim(out: Path, config: Any, *, resume: bool, writes: bool = True) -> None:
     """Make the folder that of this run.
 
     Raises InputError where it holds a run and `resume` is not set, or a run of another configuration.
