@@ -1,7 +1,7 @@
 """jaxtyping aliases shared by every module: the shape and the unit of what travels between floors."""
 
 import jaxtyping
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, UInt
 
 Scalar = Float[Array, ""]
 Point = Float[Array, "2"]  # position in domain units
@@ -28,5 +28,6 @@ __all__ = [
     "Points",
     "Real",
     "Scalar",
+    "UInt",
     "Vector",
 ]

@@ -3,13 +3,15 @@
 Programs are keyed on the rules and the shapes: scenarios that differ in numbers only share them.
 """
 
-from functools import partial
+from collections.abc import Callable
+from functools import partial, wraps
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.adapters.kernels import OPTIONS, few_kernels
 from maipp.adapters.packed import Packed, Packing
 from maipp.engine.mission import Mission
 from maipp.engine.reward import final_reward
@@ -115,7 +117,17 @@ def kinds_of(rules: Environment, shape: Shape, parts: dict[str, Any]) -> Kinds:
     return Kinds(shape, Packing.of(parts), Packing.of(jax.eval_shape(begun, parts)))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+def _in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function of the rules, the kinds and arrays."""
+
+    @partial(jax.jit, static_argnums=(0, 1), compiler_options=OPTIONS)
+    def run(rules: Environment, kinds: Kinds, *arrays: Any) -> Any:
+        return few_kernels(partial(function, rules, kinds))(*arrays)
+
+    return wraps(function)(run)
+
+
+@_in_few_kernels
 def first(rules: Environment, kinds: Kinds, world: Packed) -> tuple[Packed, Rows]:
     """The survey when its first agent is due."""
     params = kinds.params(world)
@@ -123,13 +135,13 @@ def first(rules: Environment, kinds: Kinds, world: Packed) -> tuple[Packed, Rows
     return kinds.close(state), _of_turn(rules, seen, jnp.zeros(()), info)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@_in_few_kernels
 def before_first(rules: Environment, kinds: Kinds, world: Packed) -> Packed:
     """The survey before anybody has seen anything."""
     return kinds.close(rules.begin(jax.random.key(0), kinds.params(world)))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@_in_few_kernels
 def play(rules: Environment, kinds: Kinds, now: Packed, world: Packed, action: Any, stop: Any) -> tuple[Packed, Rows]:
     """The due agent acts, or stops; then the next one's turn."""
     state, params = kinds.open(now, world)
@@ -137,14 +149,14 @@ def play(rules: Environment, kinds: Kinds, now: Packed, world: Packed, action: A
     return kinds.close(state), _of_turn(rules, seen, gained, info)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@_in_few_kernels
 def glance(rules: Environment, kinds: Kinds, now: Packed, world: Packed, agent: Any) -> Rows:
     """What one agent would see now."""
     state, params = kinds.open(now, world)
     return _of_seen(rules, agent, look(rules, state, agent, params), False)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@_in_few_kernels
 def together(
     rules: Environment, kinds: Kinds, now: Packed, world: Packed, actions: Any, acting: Any, stops: Any
 ) -> tuple[Packed, Rows]:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 from pettingzoo import ParallelEnv
 
@@ -49,6 +50,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         stops[stopping] = True
         acting[[*choices, *stopping]] = True
         self._now, rows = together(self._rules, self._kinds, self._now, self._world, actions, acting, stops)
+        rows = jax.tree.map(np.asarray, rows)
         for index in set(range(m)) - self._over:
             self._sights[index] = told(rows, self._size, index)
         return [sight for index, sight in self._sights.items() if sight.due and index not in self._over]

@@ -21,7 +21,7 @@ from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
-from maipp.typing import Array, Bool, Float, Index, Key, Keys
+from maipp.typing import Array, Bool, Float, Index, Key, Keys, UInt
 
 Field = Callable[[Float[Array, "n 2"]], Float[Array, " n"]]
 
@@ -73,7 +73,7 @@ def _instance_keys(key: Key, first: Index, instances: int) -> Keys:
 
 @partial(jax.jit, static_argnames=("points", "components", "instances"))
 def _draw_worlds(
-    key: Key,
+    seed: UInt[Array, ""],
     first: Index,
     field: Any,
     extent: Float[Array, "2"],
@@ -94,7 +94,7 @@ def _draw_worlds(
             )
         return truth, truth(grid), jax.random.uniform(jax.random.fold_in(key, 1), (_START_DRAWS, 2))
 
-    return grid, *jax.vmap(world)(_instance_keys(key, first, instances))
+    return grid, *jax.vmap(world)(_instance_keys(jax.random.key(seed), first, instances))
 
 
 def _free_start(
@@ -177,10 +177,11 @@ def mission_parts(
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
     real = jnp.result_type(float)
     truth = as_field(field, scenario.extent)
-    numbers = jnp.asarray(scenario.extent, real), jnp.asarray(scenario.mixture_variance, real)
+    # Arrays of NumPy in and out: each call of JAX outside of the compiled one costs a fifth of it.
+    numbers = np.asarray(scenario.extent, real), np.asarray(scenario.mixture_variance, real)
     sizes = {"points": scenario.grid, "components": scenario.mixture_components, "instances": instances}
-    drawn = jax.device_get(_draw_worlds(jax.random.key(seed), jnp.int32(first), truth, *numbers, **sizes))
-    grid, fields, truth, draws = drawn
+    drawn = _draw_worlds(np.uint32(seed), np.int32(first), truth, *numbers, **sizes)
+    grid, fields, truth, draws = jax.tree.map(np.asarray, drawn)
     inside = np.ones(len(grid), bool) if obstacles is None else obstacles.free(grid)
     if scenario.start is None:
         starts = np.stack([_free_start(each, scenario, obstacles) for each in draws])[:, None]

@@ -6,6 +6,7 @@ pytree, so that the simulator can move it to the device as a whole.
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import equinox as eqx
 import numpy as np
@@ -107,7 +108,15 @@ def sample_roadmaps(
 
 
 def _obstacles(obstacles: ObstaclesLike) -> Obstacles:
-    return obstacles if isinstance(obstacles, Obstacles) else Obstacles(obstacles)
+    if isinstance(obstacles, Obstacles):
+        return obstacles
+    return Obstacles(obstacles) if len(obstacles) else _nothing_there()
+
+
+@cache
+def _nothing_there() -> Obstacles:
+    """No obstacles, whose geometry takes as long to make as a roadmap."""
+    return Obstacles()
 
 
 def _nearest(tree: KDTree, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
