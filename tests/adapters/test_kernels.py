@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import jaxlib
 import numpy as np
 import pytest
 
@@ -32,7 +33,10 @@ def _fusions(lines):
     return sum(" fusion(" in line for line in lines)
 
 
-@pytest.mark.skipif(jax.default_backend() != "cpu", reason="elsewhere the program is as it was")
+@pytest.mark.skipif(
+    jax.default_backend() != "cpu" or not jaxlib.__version__.startswith("0.10."),
+    reason="elsewhere the program is as it was",
+)
 def test_results_are_the_same_and_what_can_be_is_one_kernel():
     x = np.random.default_rng(0).normal(size=(ROWS, ROWS)).astype(np.float32)
     given = x, np.int32(4), np.zeros((0, 2), np.float32), np.ones(ROWS, np.float32)
