@@ -5,11 +5,11 @@ A step of one world is some 130 such operations. Here those between two calls of
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import jaxlib
 import numpy as np
 from jax import lax
 from jax.experimental.xla_metadata import set_xla_metadata
@@ -52,7 +52,7 @@ def few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     def run(*args: Any) -> Any:
-        if jax.default_backend() != "cpu" or not jaxlib.__version__.startswith(_TRIED):
+        if jax.default_backend() != "cpu" or not version("jaxlib").startswith(_TRIED):
             return function(*args)
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*args)
         outputs = _Plan(program).run(jax.tree.leaves(args))
