@@ -13,12 +13,13 @@ ROWS = 6
 
 
 def program(x, which, empty, unread):
-    """Cuts by LAPACK, a scatter and a loop that holds LAPACK; a branch, a key, and arguments that tell nothing."""
+    """Cuts by LAPACK, scatters and loops that hold them; a branch, a key, and arguments that tell nothing."""
     gram = x @ x.T + jnp.eye(ROWS)
     tries = jax.lax.while_loop(lambda n: ~jnp.isfinite(jnp.linalg.cholesky(gram + n)).all(), lambda n: n + 1.0, 0.0)
     factor = jnp.linalg.cholesky(gram + tries)
     solved = jax.lax.linalg.triangular_solve(factor, x, left_side=True, lower=True)
     marked = solved.at[which].set(7.0)
+    marked = jax.vmap(lambda row: jax.lax.fori_loop(0, 3, lambda i, r: r.at[i + which].max(row[i]), row))(marked)
     chosen = jax.lax.cond(which > 2, jnp.sin, jnp.cos, marked)
     noise = jax.random.uniform(jax.random.key(3), (ROWS,))
     dead = jnp.where(jnp.asarray(False), unread, chosen[:, 0] + noise)

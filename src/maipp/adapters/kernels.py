@@ -18,7 +18,6 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var, jaxpr_as
 # What XLA compiles as a call of a library, or leaves out where it compiles a kernel of many operations.
 _APART = {
     *("cholesky", "triangular_solve", "lu", "eigh", "svd", "fft", "sort", "top_k", "conv_general_dilated", "ffi_call"),
-    *("scatter", "scatter-add", "scatter_mul", "scatter_min", "scatter_max"),
     *("pure_callback", "io_callback", "debug_callback"),
 }
 _CALLS = {"jit": "jaxpr", "custom_jvp_call": "call_jaxpr"}  # that are the program within, and where that is
@@ -203,8 +202,8 @@ def _is_apart(equation: JaxprEqn) -> bool:
     if equation.primitive.name == "dot_general":
         contracted = equation.params["dimension_numbers"][0][0]
         return math.prod(kinds[-1].shape) * math.prod(kinds[0].shape[axis] for axis in contracted) > _LARGE
-    within = _programs(equation.params.values())
-    return equation.primitive.name in _APART or any(_is_apart(each) for program in within for each in program.eqns)
+    within, name = _programs(equation.params.values()), equation.primitive.name
+    return name in _APART or "scatter" in name or any(_is_apart(each) for program in within for each in program.eqns)
 
 
 def _programs(parameters: Iterable[Any]) -> list[Jaxpr]:
