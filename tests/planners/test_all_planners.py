@@ -27,7 +27,7 @@ MAY_STOP_EARLY = ("lawnmower",)
 # Smaller than the defaults: here it matters what a planner may do, not how well it does.
 QUICK = {
     "receding-horizon": {"horizon": 2, "candidates": 16, "elites": 2, "steps": 3},
-    "foresight": {"horizon": 2, "candidates": 16, "elites": 2, "steps": 3},
+    "foresight": {"foresight": "fitted", "horizon": 2, "candidates": 16, "elites": 2, "steps": 3},
     # Sampled steps: a network that has learned nothing may find no likelier one than to and fro between two nodes.
     "sga-catnipp": {"weights": "untrained", "choose": "sample"},
     "di": {"weights": "untrained", "choose": "sample", "paths": 3, "steps": 2},

@@ -44,7 +44,9 @@ def _moments(
     if within <= 0:  # so few bumps, or so wide ones, that all fields are nearly alike
         within, between = measured.mean() / shared.mean(), 0.0
     signal = np.diag(measured).mean()
-    return widths, weights, np.array(level), np.array(within), np.array(between), np.array(signal)
+    # Four digits: processors sum otherwise, and robots that plan together must have the same numbers.
+    factors = (np.array(float(f"{factor:.4g}")) for factor in (level, within, between, signal))
+    return widths, weights, *factors
 
 
 def widths_of(variance: tuple[float, float]) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:

@@ -5,7 +5,7 @@ from maipp.foresight.bump_moments import bumps_of
 from maipp.foresight.bumps import Bumps
 from maipp.foresight.foresight import Foresight
 from maipp.foresight.law import Law
-from maipp.foresight.own_kernel import own_kernel
+from maipp.foresight.own_kernel import any_length_scale, own_kernel
 from maipp.foresight.weighed import averaged
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
@@ -20,8 +20,8 @@ class FittedForesight(Foresight):
     """The field is of the scenario's family, or else of the belief's own kernel with another level and scale.
 
     The family has been fitted to draws of it (`bumps_of`); level and scale are fitted to the measurements at hand,
-    old samples among them; the kernel itself is the problem's, which a survey fits to its samples and under way.
-    Between the two, the measurements decide.
+    old samples among them; the kernel itself is the problem's, which a survey fits to its samples and under way, but
+    that a field from a file may have a shorter length scale. Between all these the measurements decide.
     """
 
     bumps: Bumps | None  # None: the field is from a file, and of no family
@@ -36,10 +36,9 @@ class FittedForesight(Foresight):
 
     def law(self, belief: Belief, side: int | None, factor: Float[Array, "n n"] | None = None) -> Law:
         """The law at the belief's query points; `side` and `factor` as in `Bumps.given`."""
-        own = own_kernel(belief)
         if self.bumps is None:
-            return own.law
-        return averaged(self.bumps.given(belief, self.scenario.extent, side, factor), own, ODDS)
+            return any_length_scale(belief).law
+        return averaged(self.bumps.given(belief, self.scenario.extent, side, factor), own_kernel(belief), ODDS)
 
 
 def fitted_foresight(scenario: Scenario) -> FittedForesight:

@@ -1,5 +1,6 @@
 """A law and how well what it was made of explains the measurements."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -14,6 +15,17 @@ class Weighed(NamedTuple):
 
     law: Law
     evidence: Float[Array, ""]  # logarithm of how likely the model made the measured values
+
+
+def mixed(models: Sequence[Weighed]) -> Weighed:
+    """The law of a field that is of one of these models, alike likely beforehand, as far as the measurements tell."""
+    evidence = jnp.stack([model.evidence for model in models])
+    laws = jax.tree.map(lambda *arrays: jnp.stack(arrays), *(model.law for model in models))
+    weight = jax.nn.softmax(jnp.nan_to_num(evidence, nan=-jnp.inf, neginf=-1e9))[:, None]
+    mean = jnp.sum(weight * laws.mean, axis=0)
+    spread = laws.deviation**2 + (laws.mean - mean) ** 2
+    total = jax.nn.logsumexp(evidence) - jnp.log(len(models))
+    return Weighed(Law(mean, jnp.sqrt(jnp.sum(weight * spread, axis=0))), total)
 
 
 def averaged(one: Weighed, other: Weighed, odds: float) -> Law:

@@ -62,7 +62,7 @@ class IntentPlanner(Planner):
     keep: bool = option(False, meaning="what is left of the last best path competes again")
     recall: bool = option(True, meaning="of agents out of range, count on the last intent heard")
     foresight: ForesightName = option("protocol", meaning="rank=expected: who says what the field will be")
-    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.4, for protocol 0")
+    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.55, for protocol 0")
 
     uses_roadmap = True
     avoids_obstacles = True

@@ -60,7 +60,7 @@ register(
     "foresight",
     "maipp.planners.receding_horizon:RecedingHorizon",
     summary="receding-horizon that foresees the field, and goes to what is likely of interest",
-    foresight="fitted",
+    foresight="learned",
 )
 
 register("sga-catnipp", "maipp.planners.sga_catnipp:SgaCatnipp", summary="policy without intents, agents in sequence")

@@ -68,7 +68,7 @@ class PlanSearch(eqx.Module):
     meet: bool = option(True, meaning="with limited communication: end where the others end")
     recall: bool = option(True, meaning="of agents out of range, count on what was last heard")
     foresight: ForesightName = option("protocol", meaning="who says what the field will be where it is not measured")
-    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.4, for protocol 0")
+    aim: float | None = option(None, meaning="weight of places likely of interest; None: 0.55, for protocol 0")
 
     def __post_init__(self) -> None:
         if self.zones is None:

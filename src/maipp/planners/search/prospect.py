@@ -15,7 +15,7 @@ from maipp.typing import Array, Bool, Float, Int
 
 # How much of a plan's worth lies in places that are likely of interest instead of predicted so, where a foresight says
 # which these are (docs/foresight.md has the measurements behind this).
-_AIM = 0.4
+_AIM = 0.55
 
 
 class Prospect(NamedTuple):
@@ -67,7 +67,7 @@ def prospect_of(foresight: Foresight | None, belief: Belief, interest: Interest)
 
 
 def aim_of(name: ForesightName, aim: float | None) -> float:
-    """The aim: as given, else 0.4 where there is a foresight other than the protocol's."""
+    """The aim: as given, else 0.55 where there is a foresight other than the protocol's."""
     if aim is not None:
         return aim
     return 0.0 if name == "protocol" else _AIM
@@ -76,11 +76,16 @@ def aim_of(name: ForesightName, aim: float | None) -> float:
 def foresight_for(
     name: ForesightName, aim: float | None, scenario: ScenarioLike, made: Foresight | None
 ) -> Foresight | None:
-    """The foresight that a planner asks: None where it would say what the planner knows without. `made` is kept."""
-    if not isinstance(scenario, Scenario):
-        return made
+    """The foresight that a planner asks: None where it would say what the planner knows without.
+
+    One that was `made` for the scenario is kept, and made it must be for a compiled problem: else `InputError`.
+    """
     if name == "protocol" and not aim:
         return None
+    if not isinstance(scenario, Scenario):
+        if made is None:
+            raise InputError(f"foresight={name}: is made of a scenario, not of a compiled problem; give `foreseer` too")
+        return made
     if made is not None and made.scenario == scenario:
         return made
     return make_foresight(name, scenario)
