@@ -45,7 +45,7 @@ class Prospect(NamedTuple):
         field that is foreseen, whatever the scenario takes planned values for. `aim` is the weight of the probability
         that a point is of interest; the rest is that of the probability that the belief will take it for such.
         """
-        told = jnp.clip(1.0 - variance / jnp.maximum(known, 1e-8), 0.0, 1.0)
+        told = jnp.clip(1.0 - variance * (1.0 / jnp.maximum(known, 1e-8)), 0.0, 1.0)  # divided once a point, not a plan
         moved = self.mean + told * (self.law.mean - self.mean)
         width = jnp.sqrt(told * self.law.deviation**2 + blur**2)
         # The square root has no slope at a variance of zero; a point that well known weighs nothing.
