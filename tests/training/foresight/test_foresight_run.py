@@ -21,6 +21,8 @@ from maipp.training.foresight.learner import ForesightLearner
 from maipp.training.foresight.run import train_foresight
 from maipp.training.journal import read_log
 
+pytestmark = pytest.mark.slow
+
 TINY = NAMED["smoke"].replace(width=8, updates=6, evaluate_every=3, validation=16, area=1.0, average=0.9)
 
 
