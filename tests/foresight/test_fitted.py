@@ -107,7 +107,7 @@ def test_level_and_scale_are_those_of_a_textbook(foreseen):
     gram = covariance(x, x) + 1e-6 * np.eye(9)
     shape, rate = 1.0, 0.3
     assert float(evidence) == pytest.approx(
-        multivariate_t(np.zeros(9), rate / shape * gram, df=2 * shape).logpdf(y), abs=0.01
+        multivariate_t(np.zeros(9), rate / shape * gram, df=int(2 * shape)).logpdf(y), abs=0.01
     )
     cross = covariance(x, grid)
     np.testing.assert_allclose(law.mean, cross.T @ np.linalg.solve(gram, y), atol=1e-4)

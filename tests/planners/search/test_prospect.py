@@ -14,6 +14,7 @@ from maipp.foresight.protocol import trusted_spread
 from maipp.planners import make_planner
 from maipp.planners.search.plan_search import PlanSearch
 from maipp.planners.search.prospect import Prospect
+from maipp.problem import problem_of
 from maipp.scenario import Scenario
 
 POINTS, BLUR = 50, 0.005
@@ -93,6 +94,9 @@ def test_options_that_make_no_sense_are_refused(name):
 
 def test_a_foresight_is_that_of_the_planner_s_scenario():
     wide = Scenario(extent=(2.0, 1.0))
-    planner = make_planner("foresight", Scenario())
-    assert planner.search.foreseer.scenario == Scenario()
-    assert dataclasses.replace(planner.search, scenario=wide).foreseer.scenario == wide
+    search = PlanSearch(Scenario(), foresight="fitted")
+    assert search.foreseer is not None and search.foreseer.scenario == Scenario()
+    moved = dataclasses.replace(search, scenario=wide).foreseer
+    assert moved is not None and moved.scenario == wide
+    with pytest.raises(InputError, match="made of a scenario"):
+        PlanSearch(problem_of(wide), foresight="fitted")
