@@ -21,7 +21,9 @@ from maipp.training.foresight.learner import ForesightLearner
 from maipp.training.foresight.run import train_foresight
 from maipp.training.journal import read_log
 
-TINY = NAMED["smoke"].replace(width=8, updates=6, evaluate_every=3, area=1.0, average=0.9)
+pytestmark = pytest.mark.slow
+
+TINY = NAMED["smoke"].replace(width=8, updates=6, evaluate_every=3, validation=16, area=1.0, average=0.9)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,8 @@ def test_what_a_run_leaves(straight):
     assert model.architecture == {"width": TINY.width, "depth": TINY.blocks}
     # It knows what it was trained on, at the numbers of measurements that it met, and nothing else.
     known = np.all(np.asarray(model.low <= model.high), axis=1)
-    assert known.tolist() == [group <= int(group_of(jnp.int32(TINY.slots))) for group in range(GROUPS)]
+    most = int(group_of(jnp.int32(TINY.slots)))
+    assert known[:most].all() and not known[most + 1 :].any() and most + 1 < GROUPS
     assert np.all(np.asarray(model.widening) > 0.3) and np.all(np.asarray(model.widening) < 3.0)
 
 
