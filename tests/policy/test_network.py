@@ -223,6 +223,7 @@ def test_the_policy_needs_little():
     outside = {name.split(".")[0] for name in found - ours}
     assert {"jax", "equinox", "safetensors", "numpy"} <= outside
     assert outside <= {
+        "collections",
         "dataclasses",
         "jax",
         "equinox",
