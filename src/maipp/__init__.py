@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from maipp.engine.mission import Mission, draw_missions
     from maipp.engine.options import option, part
     from maipp.engine.rollout import run_missions
+    from maipp.engine.score import Metrics, score_missions
     from maipp.engine.state import State
     from maipp.engine.surveyed import belief_at, trajectories
     from maipp.environments.environment import Environment
