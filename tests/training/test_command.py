@@ -11,11 +11,11 @@ from rich.console import Console
 
 from maipp.cli import train as command
 from maipp.cli.main import main
-from maipp.cli.train import Train, _config, _shown
+from maipp.cli.train import Train, _shown
 from maipp.errors import InputError
 from maipp.training import train as loop
 from maipp.training.config import NAMED, TrainConfig
-from maipp.training.config_io import dump_config
+from maipp.training.config_io import POLICY, dump_config
 from maipp.training.held_out import HeldOut
 from maipp.training.train import Step
 
@@ -70,16 +70,19 @@ def test_an_interrupt_exits_with_130(small, tmp_path, capsys, monkeypatch):
 
 
 def test_the_configuration_that_the_flags_name(tmp_path):
-    assert _config(Train(out=tmp_path)) == NAMED["default"]
-    assert _config(Train(out=tmp_path, resume=True)) == NAMED["default"]
-    assert _config(Train(out=tmp_path, config="paper", settings=(("seed=1",), ("clip=0.1", "value=1")))) == NAMED[
+    def named(flags):
+        return flags.configuration(POLICY)
+
+    assert named(Train(out=tmp_path)) == NAMED["default"]
+    assert named(Train(out=tmp_path, resume=True)) == NAMED["default"]
+    assert named(Train(out=tmp_path, config="paper", settings=(("seed=1",), ("clip=0.1", "value=1")))) == NAMED[
         "paper"
     ].replace(seed=1, clip=0.1, value=1.0)
     (tmp_path / "config.yaml").write_text(dump_config(TrainConfig(seed=9)))
-    assert _config(Train(out=tmp_path, resume=True)).seed == 9
-    assert _config(Train(out=tmp_path)).seed == 0
+    assert named(Train(out=tmp_path, resume=True)).seed == 9
+    assert named(Train(out=tmp_path)).seed == 0
     with pytest.raises(InputError, match="--set: sed: no such key"):
-        _config(Train(out=tmp_path, settings=(("sed=1",),)))
+        named(Train(out=tmp_path, settings=(("sed=1",),)))
 
 
 def test_progress_is_a_line_now_and_then(tmp_path):

@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from maipp.bench.machine import machine, versions
+from maipp.cli.run_flags import RunFlags
 from maipp.policy.shipped import BEST
 from maipp.training.config import TrainConfig
-from maipp.training.config_io import find_config, load_config, override
+from maipp.training.config_io import POLICY
 from maipp.training.curves import CURVE
 from maipp.training.hosts import all_or_none, hosts_of, join_hosts
 from maipp.training.journal import LOG
-from maipp.training.run_folder import CONFIG
 from maipp.training.train import FINAL, Step, TrainResult, train
 
 INTERRUPTED = 130
@@ -26,24 +26,8 @@ _LINE_SECONDS = 30.0  # between two lines where there is no terminal to draw a b
 
 
 @dataclass(frozen=True)
-class Train:
+class Train(RunFlags):
     """Train a policy; its weights, log, checkpoints and learning curve go into a folder."""
-
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """folder of the run; made if need be"""
-
-    config: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE", help_behavior_hint="(default: default)")] = None
-    """default, paper, smoke, or a YAML file; with --resume, the run's own if left out"""
-
-    settings: Annotated[
-        tuple[tuple[str, ...], ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
-    ] = ()
-    """keys of the configuration to change, such as seed=1"""
-
-    resume: bool = False
-    """go on from the newest checkpoint in the folder; start if there is none"""
 
     coordinator: Annotated[str | None, tyro.conf.arg(metavar="HOST:PORT", help_behavior_hint="")] = None
     """where process 0 is reached, if several processes train together; under SLURM found by itself"""
@@ -58,7 +42,7 @@ class Train:
 def run(flags: Train) -> int:
     """Train; gives 130 when interrupted. Raises `InputError` for what is wrong, and when training diverges."""
     processes = join_hosts(coordinator=flags.coordinator, process_id=flags.process_id, processes=flags.processes)
-    config = all_or_none(lambda: _config(flags), processes)
+    config = all_or_none(lambda: flags.configuration(POLICY), processes)
     hosts = all_or_none(lambda: hosts_of(config.shards), processes)
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
     about = {"machine": machine() | {"processes": hosts.processes}, "versions": versions()}
@@ -67,15 +51,6 @@ def run(flags: Train) -> int:
     if hosts.process == 0:
         _report(result, flags.out, notes)
     return INTERRUPTED if result.interrupted else 0
-
-
-def _config(flags: Train) -> TrainConfig:
-    """The configuration that the flags name."""
-    if flags.config is None and flags.resume and (flags.out / CONFIG).is_file():
-        config = load_config(flags.out / CONFIG)
-    else:
-        config = find_config(flags.config or "default")
-    return override(config, (item for group in flags.settings for item in group))
 
 
 @contextmanager

@@ -5,48 +5,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
 from rich.console import Console
 
 from maipp.bench.machine import machine, versions
+from maipp.cli.run_flags import RunFlags
 from maipp.cli.train import INTERRUPTED
 from maipp.foresight.shipped import FINAL
-from maipp.training.config_io import Kind, find_config, load_config, override
-from maipp.training.foresight.config import NAMED, ForesightConfig
+from maipp.training.config_io import Kind
+from maipp.training.foresight.config import NAMED
 from maipp.training.foresight.run import FitResult, FitStep, train_foresight
 from maipp.training.journal import LOG
-from maipp.training.run_folder import CONFIG
 
 _FORESIGHT = Kind(NAMED, "docs/training.md")
 _LINE_SECONDS = 30.0  # between two lines about updates
 
 
 @dataclass(frozen=True)
-class TrainForesight:
+class TrainForesight(RunFlags):
     """Train the network that foresees the field; its weights, log and checkpoints go into a folder."""
-
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """folder of the run; made if need be"""
-
-    config: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE", help_behavior_hint="(default: default)")] = None
-    """default, smoke, or a YAML file; with --resume, the run's own if left out"""
-
-    settings: Annotated[
-        tuple[tuple[str, ...], ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(name="set", metavar="KEY=VALUE [KEY=VALUE ...]"),
-    ] = ()
-    """keys of the configuration to change, such as seed=1"""
-
-    resume: bool = False
-    """go on from the newest checkpoint in the folder; start if there is none"""
 
 
 def run(flags: TrainForesight) -> int:
     """Train; gives 130 when interrupted. Raises `InputError` for what is wrong, and when training diverges."""
-    config = _config(flags)
+    config = flags.configuration(_FORESIGHT)
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
     about = {"machine": machine(), "versions": versions()}
     with _shown(notes) as progress:
@@ -55,15 +38,6 @@ def run(flags: TrainForesight) -> int:
         )
     _report(result, flags.out, notes)
     return INTERRUPTED if result.interrupted else 0
-
-
-def _config(flags: TrainForesight) -> ForesightConfig:
-    """The configuration that the flags name."""
-    if flags.config is None and flags.resume and (flags.out / CONFIG).is_file():
-        config = load_config(flags.out / CONFIG, _FORESIGHT)
-    else:
-        config = find_config(flags.config or "default", _FORESIGHT)
-    return override(config, (item for group in flags.settings for item in group))
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from maipp.typing import Array, Float, Index, Int, Key
 
 # Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
 _BLUR = 0.02
+_SPREAD = 0.3
 
 
 class Recollection(NamedTuple):
@@ -56,7 +57,7 @@ class IntentPlanner(Planner):
         "intents",
         meaning="paths by Tr(P) predicted with the others stationary, with their intents, or expected with both",
     )
-    spread: float = option(0.3, meaning="trust in the belief's spread of values not yet measured")
+    spread: float = option(_SPREAD, meaning="trust in the belief's spread of values not yet measured")
     share: Literal["samples", "best"] = option("samples", meaning="paths the intent is fitted to")
     listen: bool = option(True, meaning="False: as if no intent were heard")
     keep: bool = option(False, meaning="what is left of the last best path competes again")
@@ -77,6 +78,8 @@ class IntentPlanner(Planner):
         check_aim(self.aim)
         if self.foreseer is not None and self.rank != "expected":
             raise InputError(f"foresight={self.foresight}: paths are ranked by rank={self.rank}; give rank=expected")
+        if self.foreseer is not None and self.spread != _SPREAD:
+            raise InputError(f"spread={self.spread}: a foresight, or an aim, has a spread of its own; leave it out")
 
     def __post_init__(self) -> None:
         super().__post_init__()
