@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
 
 @dataclass(frozen=True, kw_only=True)
 class Live(TeamFlags):
-    """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live-protocol.md).
+    """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live.md).
 
     Every event is in the journal before it is answered. Started again on its journal, the survey goes on.
     """
