@@ -158,6 +158,30 @@ def test_a_name_that_is_not_there_is_found():
             resolve(name)
 
 
+WORDS = [row for row in rows("glossary.md") if row[0] != "Word"]
+
+
+@pytest.mark.parametrize("row", WORDS, ids=lambda row: row[0])
+def test_words_have_the_names_that_the_glossary_gives(row):
+    import maipp
+
+    _, _, code, meaning = row
+    names = re.findall(r"`([\w.]+)`", code)
+    assert meaning and (names or "](" in code)
+    for name in names:
+        head, _, rest = name.partition(".")
+        public = getattr(maipp, head) if head in maipp.__all__ else None
+        if public is None:
+            assert resolve(name) is not None
+        elif rest:
+            assert rest in {field.name for field in dataclasses.fields(public)} | set(dir(public)), name
+
+
+def test_the_glossary_is_in_alphabetical_order():
+    words = [row[0].lower() for row in WORDS]
+    assert words == sorted(words) and len(words) > 20
+
+
 # What the page on PettingZoo says of options and columns.
 
 
