@@ -73,9 +73,11 @@ def test_modules_that_are_run_exist():
 
 
 def test_make_has_the_targets():
-    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
     named = {arguments[0] for arguments in commands("make")}
-    in_text = re.findall(r"`make (\w+)", README + CONTRIBUTING) + re.findall(r"^ {4}make (\w+)", CONTRIBUTING, re.M)
+    in_text = re.findall(r"`make ([\w-]+)", README + CONTRIBUTING) + re.findall(
+        r"^ {4}make ([\w-]+)", CONTRIBUTING, re.M
+    )
     assert {"demo", "test"} <= named and named | set(in_text) <= targets
 
 
