@@ -67,7 +67,7 @@ def test_every_command_of_the_command_line_is_shown():
 
 
 def test_modules_that_are_run_exist():
-    pages = [README, *(page.read_text(encoding="utf-8") for page in ROOT.glob("docs/*.md"))]
+    pages = [README, *(page.read_text(encoding="utf-8") for page in ROOT.glob("docs/**/*.md"))]
     run = {module for page in pages for module in re.findall(r"python -m (maipp[\w.]*)", page)}
     assert all(importlib.util.find_spec(module) for module in run) and run
 
