@@ -15,10 +15,10 @@ $(shell test -x $(BIN)/python || rm -rf $(VENV))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo fleet test lint docs bench clean
+.PHONY: help demo fleet test lint docs bench release-check clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1	\2/p' Makefile
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1	\2/p' Makefile
 
 demo: $(VENV)/.installed ## plan a small survey and draw it, into out/demo
 	$(BIN)/maipp demo --out out/demo
@@ -34,7 +34,8 @@ fleet: $(VENV)/.installed-dev ## three boats as processes of their own, simulate
 test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
 	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder)
 
-lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright
+lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright, and whether docs/cli.md is up to date
+	@$(BIN)/python -m tests.tools.cli_reference --check
 	$(BIN)/ruff check src tests
 	$(BIN)/ruff format --check src tests
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright
@@ -44,6 +45,9 @@ docs: $(VENV)/.installed-dev ## build the documentation site into out/site, warn
 
 bench: $(VENV)/.installed ## time the hot paths on one core, beside the baseline (make bench BENCH=--strict)
 	$(PIN) $(BIN)/python -m tests.tools.bench $(BENCH)
+
+release-check: $(VENV)/.installed ## build the wheel, install it into an empty environment, and use it there
+	$(BIN)/python -m tests.tools.release_check
 
 clean: ## remove the environment, caches and build products (out/ stays, but for demo and site)
 	rm -rf $(VENV) .cache .pytest_cache .hypothesis .ruff_cache .benchmarks build dist out/demo out/site

@@ -76,6 +76,13 @@ def test_the_api_says_shapes_and_what_fields_mean(site):
     assert all(f".{name}" in index for name in maipp.__all__ if name != "__version__")
 
 
+def test_every_room_has_its_place_in_the_api():
+    of_ours = {"cli", "records"}  # nothing to build on
+    rooms = {path.parent.name for path in (ROOT / "src" / "maipp").glob("*/__init__.py")} - of_ours
+    pages = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
+    assert rooms - set(re.findall(r"^::: maipp\.(\w+)", pages, flags=re.MULTILINE)) == set()
+
+
 @functools.cache
 def hooks():
     """The module with the site's hooks."""
@@ -156,6 +163,34 @@ def test_a_name_that_is_not_there_is_found():
     for name in ("Scenario.agent", "engine.State.speed", "belief.Believe", "nowhere.Mission"):
         with pytest.raises((AttributeError, ImportError)):
             resolve(name)
+
+
+WORDS = [
+    [cell.strip() for cell in line.strip("|\n").split("|")]
+    for line in (DOCS / "glossary.md").read_text(encoding="utf-8").splitlines()
+    if line.startswith("| ") and not line.startswith(("| Word", "| ---"))
+]
+
+
+@pytest.mark.parametrize("row", WORDS, ids=lambda row: row[0])
+def test_words_have_the_names_that_the_glossary_gives(row):
+    import maipp
+
+    _, _, code, meaning = row
+    names = re.findall(r"`([\w.]+)`", code)
+    assert meaning and (names or "](" in code)
+    for name in names:
+        head, _, rest = name.partition(".")
+        public = getattr(maipp, head) if head in maipp.__all__ else None
+        if public is None:
+            assert resolve(name) is not None
+        elif rest:
+            assert rest in {field.name for field in dataclasses.fields(public)} | set(dir(public)), name
+
+
+def test_the_glossary_is_in_alphabetical_order():
+    words = [row[0].lower() for row in WORDS]
+    assert words == sorted(words) and len(words) > 20
 
 
 # What the page on PettingZoo says of options and columns.

@@ -275,7 +275,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
 
 def test_the_documentation_is_up_to_date():
     page = PAGE.read_text(encoding="utf-8")
-    assert with_field_table(page) == page, "docs/scenario.md: rerun the command at its end"
+    assert with_field_table(page) == page, "run: python -m tests.tools.scenario_table"
 
 
 def test_the_example_in_the_documentation_is_a_scenario():

@@ -53,9 +53,8 @@ def save_scenario(scenario: Scenario, path: str | os.PathLike[str]) -> None:
 
 def with_field_table(page: str) -> str:
     """The Markdown page with what is between its two `fields` markers replaced by the table of all fields."""
-    heading, rows = ("Field", "Default", "Unit", "Meaning", "Allowed", "Source"), []
+    heading, rows = ("Field", "Default", "Unit", "Meaning", "Allowed"), []
     for row in fields_of(Scenario):
         default = dump_yaml({row.name: Scenario().to_dict()[row.name]}).partition(": ")[2].strip()
-        unit, source = row.about["unit"], row.about["source"]
-        rows.append((f"`{row.name}`", f"`{default}`", unit, row.meaning, row.allowed, source))
+        rows.append((f"`{row.name}`", f"`{default}`", row.about["unit"], row.meaning, row.allowed))
     return filled(page, "<!-- fields -->", "<!-- /fields -->", markdown_table(heading, rows, left=len(heading)))

@@ -1,4 +1,4 @@
-"""What docs/live.md says of the protocol is so: the session, the tables, the example."""
+"""What docs/live.md says of the protocol is so: the example session, the tables, the example."""
 
 import dataclasses
 import json
@@ -14,7 +14,11 @@ from maipp.live.serve import answer_line
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
 
-PAGE = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "live.md").read_text(encoding="utf-8")
+MISSION, SESSION = (
+    (DOCS / "examples/live" / name).read_text(encoding="utf-8") for name in ("mission.yaml", "session.txt")
+)
 
 
 def blocks(language):
@@ -35,11 +39,9 @@ def same(found, told):
 
 
 def test_the_session_goes_as_told(tmp_path):
-    (mission,) = blocks("yaml")
-    (session,) = (block for block in blocks("") if block.startswith("<"))
-    lines = session.splitlines()
+    lines = SESSION.splitlines()
     journal = tmp_path / "lake.journal"
-    with LiveSurvey.from_prepared(prepare(parse_survey(mission)), journal=journal) as survey:
+    with LiveSurvey.from_prepared(prepare(parse_survey(MISSION)), journal=journal) as survey:
         assert same(survey.hello() | {"answer": "ready", "cut": 0}, json.loads(lines[0][2:]))
         for number, (sent, answered) in enumerate(zip(lines[1::2], lines[2::2], strict=True), start=1):
             assert sent.startswith("> ") and answered.startswith("< ")
@@ -47,13 +49,12 @@ def test_the_session_goes_as_told(tmp_path):
 
 
 def test_a_mission_that_was_edited_is_told_as_shown(tmp_path):
-    (mission,) = blocks("yaml")
     (shown,) = blocks("text")
     journal, edited = (
         tmp_path / "lake.journal",
-        mission.replace("budget_m: 600", "budget_m: 500", 1) + "clearance_m: 5\n",
+        MISSION.replace("budget_m: 600", "budget_m: 500", 1) + "clearance_m: 5\n",
     )
-    LiveSurvey.from_prepared(prepare(parse_survey(mission)), journal=journal).close()
+    LiveSurvey.from_prepared(prepare(parse_survey(MISSION)), journal=journal).close()
     with pytest.raises(InputError) as error:
         LiveSurvey.from_prepared(prepare(parse_survey(edited)), journal=journal)
     assert f"error: {error.value}\n".replace(str(journal), journal.name) == shown

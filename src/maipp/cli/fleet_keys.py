@@ -15,7 +15,7 @@ _NAMES = tyro.conf.arg(metavar="NAME [NAME ...]")
 class Keys:
     """Make keys for the robots of a fleet: a folder for each, and the authority that vouches for them.
 
-    With a folder that has an authority already, robots are added to its fleet (docs/fleet.md).
+    With a folder that has an authority already, robots are added to its fleet (docs/fleet-network.md).
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # they import JAX, which `maipp result --help` can do without
 
 @dataclass(frozen=True)
 class Result:
-    """Write what a survey took home (docs/live.md, "The result"): map.tif, samples.csv, report.html and result.json.
+    """Write what a survey took home (docs/live.md): map.tif, samples.csv, report.html and result.json.
 
     The journal may be in use: it is neither locked nor changed.
     """

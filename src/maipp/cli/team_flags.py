@@ -11,7 +11,7 @@ import tyro
 class TeamFlags:
     """The survey, and who decides."""
 
-    mission: Annotated[Path, tyro.conf.Positional]
+    mission: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MISSION")]
     """mission file (`maipp survey --new` prints one) or scenario file (`maipp scenario`), the same for all robots"""
 
     planner: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None

@@ -28,7 +28,7 @@ _STOP: dict[str, Any] = {"answer": "stop", "reason": "hold"}
 
 
 def make(place: Made, options: Mapping[str, str]) -> "Lines":
-    """The vehicle; options: wait (docs/fleet.md). Raises `InputError` for one that is unknown or wrong.
+    """The vehicle; options: wait (docs/vehicles.md). Raises `InputError` for one that is unknown or wrong.
 
     It waits so many seconds for the bridge to say where the robot is.
     """

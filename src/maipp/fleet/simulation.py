@@ -30,7 +30,7 @@ OPTIONS = {
 
 
 def make(place: Place, options: Mapping[str, str]) -> Simulated:
-    """The vehicle; options: raster, value, field, speed, drift, position, noise, bad (docs/fleet.md).
+    """The vehicle; options: raster, value, field, speed, drift, position, noise, bad (docs/vehicles.md).
 
     Raises `InputError` for one that is unknown or wrong.
     """

@@ -1,4 +1,4 @@
-"""Mission files: YAML read to a `Survey`, every complaint on one line with file, line and key (docs/survey.md)."""
+"""Mission files: YAML read to a `Survey`, every complaint on one line with file, line and key (docs/mission.md)."""
 
 import dataclasses
 import os

@@ -47,7 +47,7 @@ LINES = "lines"  # the sensor whose values come as lines of standard input
 
 
 def make(place: Place, options: Mapping[str, str]) -> Drive:
-    """The vehicle; options: url, baud, system, source, sensor, age, hold, margin, fence, radius, wait (docs/fleet.md).
+    """The vehicle; its options are in docs/vehicles.md.
 
     Waits for the autopilot to say where it is. Raises `InputError` where it does not, for a mission without longitudes
     and latitudes, and for an option that is unknown or wrong.
