@@ -32,7 +32,7 @@ from maipp.typing import Array, Bool, Float, Key
 _LATE = 50.0
 
 # Where it is not said otherwise, agents of teams up to this size plan this many legs; larger teams about so many in
-# all, and each agent at least so many (docs/planners.md has the measurements behind this and the next).
+# all, and each agent at least so many (docs/evidence/planning.md has the measurements behind this and the next).
 _SMALL_TEAM, _FAR = 4, 8
 _TEAM_LEGS, _FEWEST = 20, 2
 
