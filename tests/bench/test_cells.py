@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from maipp.bench import cells as cells_module
 from maipp.bench.cells import CELLS, Cell, cells, fill, read, share
-from maipp.bench.rows import Row
-from maipp.bench.tables import Sample
+from maipp.bench.tables import Row, Sample
 from maipp.errors import InputError
 from maipp.problem import shape_of
 from maipp.scenario import Scenario

@@ -13,7 +13,7 @@ from maipp.bench import figure_files
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability
 from maipp.bench.figure_files import Plan, write_figures
 from maipp.bench.intents import KINDS, Stability, sampled_paths
-from maipp.bench.rows import Row
+from maipp.bench.tables import Row
 from maipp.bench.trace_curves import trace_curve
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.score import score_missions

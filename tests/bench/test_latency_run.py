@@ -6,7 +6,7 @@ import os
 import pytest
 
 from maipp.bench.latency_run import Latency, LatencyPlan, command, latency_table, one_core, write_latency
-from maipp.bench.rows import Row
+from maipp.bench.tables import Row
 from maipp.scenario import Scenario
 
 PLAN = LatencyPlan(

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from maipp.bench.cells import cells, fill, read
-from maipp.bench.evaluate import summarise
+from maipp.bench.evaluate import prior_missions, summarise
 from maipp.bench.page import mean_and_error
-from maipp.bench.prior_worlds import prior_missions
 from maipp.bench.standardised import Standardised, initial_trace, main, spec, table
 from maipp.bench.tables import Sample
 from maipp.errors import InputError

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from maipp.bench.machine import machine, versions
+from maipp.bench.made_by import machine, versions
 from maipp.bench.page import made_on
 from maipp.devices import missions_devices, use_all_cores
 from maipp.errors import InputError

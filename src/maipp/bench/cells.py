@@ -11,16 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from maipp.bench.evaluate import evaluate, refuse_values, scored
-from maipp.bench.fingerprint import code_digest, planner_fingerprint
-from maipp.bench.machine import machine, versions
-from maipp.bench.output import make_folder
-from maipp.bench.prior_worlds import prior_missions
-from maipp.bench.rows import Row
+from maipp.bench.evaluate import evaluate, prior_missions, refuse_values, scored
+from maipp.bench.made_by import machine, planner_fingerprint, versions
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
-from maipp.bench.tables import Part, Sample, TableSpec
+from maipp.bench.tables import Part, Row, Sample, TableSpec
 from maipp.errors import InputError
-from maipp.files import write_atomic
+from maipp.files import make_folder, write_atomic
 from maipp.planners import make_planner
 from maipp.planners.options import values_of
 from maipp.problem import Shape
@@ -91,7 +87,7 @@ class Cell:
             "seed": self.seed,
         }
         if self.worlds == "prior":
-            made_by |= {"worlds": "prior", "draws": code_digest((prior_missions.__module__,))}
+            made_by["worlds"] = "prior"
         return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Evaluations read from their JSON files, and parts of one evaluation put together."""
+"""Evaluations written to JSON files and read from them, and parts of one evaluation put together."""
 
 import dataclasses
 import itertools
@@ -10,15 +10,34 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from maipp.bench.evaluate import FORMAT, Evaluation, plain
+from maipp.bench.evaluate import Evaluation, plain
 from maipp.bench.latency import DecisionTime
 from maipp.errors import InputError
-from maipp.files import read_text
+from maipp.files import read_text, write_atomic
 from maipp.records import Value, Within, read_json
 from maipp.scenario import Scenario
 
+FORMAT = "maipp-evaluations"  # of the JSON
+
 _Count = Annotated[int, Within(least=1)]
 _Number = Annotated[int, Within(least=0, wide=True)]
+
+
+def save_evaluations(
+    evaluations: Sequence[Evaluation], path: str | os.PathLike[str], comparisons: Sequence[Mapping[str, Any]] = ()
+) -> None:
+    """Write the evaluations as JSON so that the file is either the whole new one or untouched.
+
+    Raises `InputError` where the file cannot be written.
+    """
+    write_atomic(path, to_json(evaluations, comparisons))
+
+
+def to_json(evaluations: Sequence[Evaluation], comparisons: Sequence[Mapping[str, Any]] = ()) -> str:
+    """The evaluations as JSON text, and comparisons of them (`Comparison.to_dict`) where there are any."""
+    document = {"format": FORMAT, "evaluations": [evaluation.to_dict() for evaluation in evaluations]}
+    document |= {"comparisons": [*comparisons]} if comparisons else {}
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
 def read_evaluations(path: str | os.PathLike[str]) -> list[Evaluation]:

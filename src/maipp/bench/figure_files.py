@@ -11,14 +11,13 @@ import jax
 from maipp.bench import page
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability, save_figure
 from maipp.bench.intents import KINDS, Stability, measure, sampled_paths, stability_table, verdicts
-from maipp.bench.machine import machine, versions
-from maipp.bench.output import compressed, make_folder
-from maipp.bench.rows import Row
-from maipp.bench.tables import TABLES
+from maipp.bench.made_by import machine, versions
+from maipp.bench.output import compressed
+from maipp.bench.tables import TABLES, Row
 from maipp.bench.trace_curves import curves_csv, trace_curve
 from maipp.engine import run_missions
 from maipp.engine.episode import Episode
-from maipp.files import write_atomic
+from maipp.files import make_folder, write_atomic
 from maipp.scenario import Scenario
 from maipp.viz import save_overview
 

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from maipp.bench.comparison import Paired, paired
 from maipp.bench.page import mean_and_error, shown, three
-from maipp.bench.paired import Paired, paired
-from maipp.bench.rows import Row, known_rows
+from maipp.bench.tables import Row, known_rows
 from maipp.engine import Mission, Planner, State, draw_missions, reset
 from maipp.engine.observe import turn
 from maipp.engine.rollout import run_recorded, step

@@ -13,13 +13,11 @@ import numpy as np
 
 from maipp.bench import page
 from maipp.bench.latency import decision_seconds
-from maipp.bench.machine import machine, versions
-from maipp.bench.output import make_folder
-from maipp.bench.rows import Row
-from maipp.bench.tables import TABLES
+from maipp.bench.made_by import machine, versions
+from maipp.bench.tables import TABLES, Row
 from maipp.devices import missions_devices
 from maipp.engine import run_missions
-from maipp.files import write_atomic
+from maipp.files import make_folder, write_atomic
 from maipp.markdown import markdown_table
 from maipp.scenario import Scenario
 

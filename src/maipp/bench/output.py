@@ -1,21 +1,10 @@
-"""Files of results: a folder for them, and CSV."""
+"""CSV of results."""
 
 import csv
 import gzip
 import io
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
-
-from maipp.errors import InputError
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder where it is missing. Raises `InputError` where that cannot be done."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
 
 
 def csv_text(heading: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:

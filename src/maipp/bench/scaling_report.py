@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from maipp.bench.belief_error import BeliefError
 from maipp.bench.drawings import save_figure
-from maipp.bench.machine import machine, versions
+from maipp.bench.made_by import machine, versions
 from maipp.bench.output import csv_text
 from maipp.bench.page import made_on
 from maipp.bench.scaling import AXES, BASE, Cost, growth

@@ -16,9 +16,8 @@ from maipp.bench.cells import Cell, Line, cells, fill, read
 from maipp.bench.evaluate import check_counts
 from maipp.bench.output import csv_text
 from maipp.bench.page import shown
-from maipp.bench.rows import Row
 from maipp.bench.table_page import made_on
-from maipp.bench.tables import WORLDS, Part, Sample, TableSpec
+from maipp.bench.tables import WORLDS, Part, Row, Sample, TableSpec
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from maipp.files import write_atomic

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterable, Sequence
 
 from maipp.bench import page
 from maipp.bench.cells import CellResult, Line
+from maipp.bench.comparison import paired
 from maipp.bench.evaluate import summarise
 from maipp.bench.page import METRICS
-from maipp.bench.paired import paired
 from maipp.bench.tables import Part, Sample, TableSpec, best
 from maipp.markdown import markdown_table
 

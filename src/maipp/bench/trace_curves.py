@@ -8,7 +8,7 @@ import numpy as np
 from jax import lax
 
 from maipp.bench.output import csv_text
-from maipp.bench.rows import Row
+from maipp.bench.tables import Row
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.observe import time_tolerance
