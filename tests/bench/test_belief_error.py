@@ -8,7 +8,7 @@ import numpy as np
 
 from maipp.belief import Matern32, condition
 from maipp.bench.belief_error import belief_error, exact_moments
-from maipp.bench.scaling_report import add_missing
+from maipp.bench.scaling import add_missing
 from maipp.scenario import Scenario
 
 

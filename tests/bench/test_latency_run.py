@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from maipp.bench.latency_run import Latency, LatencyPlan, command, latency_table, one_core, write_latency
+from maipp.bench.latency_run import Latency, LatencyPlan, latency_table, one_core, typed, write_latency
 from maipp.bench.tables import Row
 from maipp.scenario import Scenario
 
@@ -54,7 +54,7 @@ def test_the_table_has_three_digits():
 
 
 def test_the_command_says_what_differs():
-    assert command(LatencyPlan(), LatencyPlan().rows, "run") == "maipp benchmark latency --out run"
-    assert command(PLAN, PLAN.rows[:1], "run") == (
+    assert typed(LatencyPlan(), LatencyPlan().rows, "run") == "maipp benchmark latency --out run"
+    assert typed(PLAN, PLAN.rows[:1], "run") == (
         "maipp benchmark latency --out run --decisions 3 --batch 3 --agents 2 --budget 0.6 --planners random"
     )

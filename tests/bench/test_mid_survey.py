@@ -4,7 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from maipp.bench.scaling import under_way, walks
+from maipp.bench.belief_error import walks
+from maipp.bench.scaling import under_way
 from maipp.engine.observe import turn
 from maipp.planners import make_planner
 from maipp.scenario import Scenario

@@ -36,11 +36,6 @@ class CellResult:
     machine: Mapping[str, Any]
     versions: Mapping[str, str]
 
-    def missions(self, metrics: Sequence[str]) -> Iterator[tuple[tuple[int, ...], list[Any]]]:
-        """Instance and trial of each mission, and what these metrics of it came to."""
-        columns = [self.values[metric] for metric in metrics]
-        return ((index, [column[index] for column in columns]) for index in np.ndindex(columns[0].shape))
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -161,15 +156,6 @@ class Cell:
 Report = Callable[[Cell, int, int, bool], None]
 
 
-@dataclass(frozen=True)
-class Line:
-    """A row of one part of a table, with what its cells came to by column."""
-
-    row: Row
-    part: Part
-    results: dict[float, CellResult]  # by column; every column of the table
-
-
 def cell(table: TableSpec, part: Part, row: Row, column: float, sample: Sample) -> Cell:
     """The cell of a row in a column."""
     trials = min(sample.trials, row.trials or sample.trials)
@@ -221,15 +207,3 @@ def fill(
 
     run_sweep(missing, keep, where=where, begun=begun, note=note)
     return len(missing)
-
-
-def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
-    """The rows of a table of which the folder has every cell, made by the code and the weights of now."""
-    lines = []
-    for part in table.parts:
-        for row in table.rows:
-            found = {column: cell(table, part, row, column, sample).load(folder) for column in table.columns}
-            results = {column: result for column, result in found.items() if result is not None}
-            if len(results) == len(found):
-                lines.append(Line(row, part, results))
-    return lines

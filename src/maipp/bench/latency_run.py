@@ -10,15 +10,16 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import pandas as pd
 
-from maipp.bench import page
+from maipp.bench import command, page
 from maipp.bench.latency import decision_seconds
 from maipp.bench.made_by import machine, versions
 from maipp.bench.tables import TABLES, Row
 from maipp.devices import missions_devices
 from maipp.engine import run_missions
 from maipp.files import make_folder, write_atomic
-from maipp.markdown import markdown_table
+from maipp.markdown import three
 from maipp.scenario import Scenario
 
 
@@ -99,14 +100,15 @@ def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int,
     )
 
 
+_TIMES = {"median, ms": "median_ms", "p95, ms": "p95_ms", "p99, ms": "p99_ms", "compile, s": "compile_s"}
+_COLUMNS = {"row": ("row", "`{}`".format)} | {name: (key, three) for name, key in _TIMES.items()}
+_COLUMNS |= {"decisions/s in a batch": ("per_second", "{:,.0f}".format)}
+_COLUMNS |= {"compile of the batch, s": ("batch_compile_s", three)}
+
+
 def latency_table(found: Sequence[Latency]) -> str:
     """Markdown: a line per row."""
-    heading = ("row", "median, ms", "p95, ms", "p99, ms", "compile, s", "decisions/s in a batch")
-    rows = []
-    for one in found:
-        times = map(page.three, (one.median_ms, one.p95_ms, one.p99_ms, one.compile_s))
-        rows.append([f"`{one.row}`", *times, f"{one.per_second:,.0f}", page.three(one.batch_compile_s)])
-    return markdown_table([*heading, "compile of the batch, s"], rows)
+    return page.markdown(pd.DataFrame(found), columns=_COLUMNS)
 
 
 def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] = lambda _: None) -> list[Path]:
@@ -128,9 +130,9 @@ def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] =
         blocks = [
             _notes(plan),
             latency_table(found),
-            page.code(command(plan, plan.rows[: len(found)], folder.name)),
-            f"Made on {page.made_on(here)}.",
-            page.wall_time(
+            command.code(typed(plan, plan.rows[: len(found)], folder.name)),
+            command.made_on(here),
+            command.wall_time(
                 time.perf_counter() - begun, "all of it; the times above do not regenerate to the last digit"
             ),
         ]
@@ -138,7 +140,7 @@ def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] =
     return paths
 
 
-def command(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
+def typed(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
     """The command that times these rows."""
     given, usual = (
         {name: getattr(each, name) for name in ("decisions", "batch", "seed")}
@@ -146,7 +148,7 @@ def command(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
         | {"planners": [row.name for row in each.rows]}
         for each in (replace(plan, rows=tuple(rows)), LatencyPlan())
     )
-    return page.command(["maipp", "benchmark", "latency", "--out", out], given, usual)
+    return command.command(["maipp", "benchmark", "latency", "--out", out], given, usual)
 
 
 def _notes(plan: LatencyPlan) -> str:

@@ -79,8 +79,9 @@ class Code(NamedTuple):
 # What every survey runs through, whoever plans it.
 SIMULATION = ("maipp.engine.mission", "maipp.engine.rollout", "maipp.engine.score", "maipp.bench.evaluate")
 
-# Libraries of maipp that draw, print, read text and cut areas from maps: no number of a result comes from them.
-_NO_NUMBERS = {"matplotlib", "contourpy", "rich", "tyro", "pyyaml"}
+# Libraries of maipp that tabulate, draw, print, read text and cut areas from maps: no number of a mission comes from
+# them.
+_NO_NUMBERS = {"pandas", "matplotlib", "contourpy", "rich", "tyro", "pyyaml"}
 
 
 def planner_fingerprint(planner: Planner) -> dict[str, Any]:

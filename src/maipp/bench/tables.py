@@ -159,6 +159,11 @@ class TableSpec:
     sample: Sample = Sample()
     typed: str = ""  # what one types for it after `maipp benchmark`; empty: its name
 
+    @property
+    def quick_sample(self) -> Sample:
+        """How many missions each cell has in a quick look."""
+        return self.sample._replace(trials=1)
+
     def scenario(self, part: Part, column: float) -> Scenario:
         """The missions of a part in a column."""
         return part.scenario.replace(**{self.column: column})
