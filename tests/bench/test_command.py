@@ -1,14 +1,15 @@
 """What made a page: commands say what differs, machines are told once."""
 
-from maipp.bench.command import code, command, machines, made_on
+from maipp.bench.command import command, footer, machines, made_on
 
 
 def test_the_command_has_the_flags_that_are_not_as_usual():
     usual = {"seed": 0, "budget": 3.0, "planners": ["a", "b"], "quick": False}
-    assert command(["run", "my dir"], usual, usual) == "run 'my dir'"
+    assert command("latency", "my dir", usual, usual) == "maipp benchmark latency --out 'my dir'"
     given = {"seed": 2, "budget": 0.6, "planners": ["a"], "quick": True, "reference": "b", "page": None}
-    assert command(["run"], given, usual) == "run --seed 2 --budget 0.6 --planners a --quick --reference b"
-    assert code("a", "b") == "```sh\na\nb\n```"
+    typed = "maipp benchmark latency --out run --seed 2 --budget 0.6 --planners a --quick --reference b"
+    assert command("latency", "run", given, usual) == typed
+    assert footer(typed, [], "time")[::2] == [f"```sh\n{typed}\n```", "time"]
 
 
 def test_machines_are_told_once():

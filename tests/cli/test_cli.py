@@ -47,6 +47,13 @@ def test_importing_maipp_imports_no_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_benchmarks_alone_wait_for_pandas():
+    """Nor do the processes that compute their cells."""
+    modules = "[module_of(name) for name in COMMANDS if name != 'benchmark']"
+    code = f"import sys, maipp.bench.cells; from maipp.cli.main import *; {modules}; sys.exit('pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_every_public_name_is_there():
     assert all(getattr(maipp, name) is not None for name in maipp.__all__)
     assert set(maipp.__all__) <= set(dir(maipp))

@@ -1,27 +1,45 @@
 """What made a page of results: the command to type, the machines, the time."""
 
+import dataclasses
 import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+Made = tuple[Mapping[str, Any], Mapping[str, str]]  # machine and versions
 
-def command(words: Sequence[str], flags: Mapping[str, Any], usual: Mapping[str, Any]) -> str:
-    """What to type: the words, then those flags, by their names, that are not as usual; left out of `usual`: None."""
-    typed = list(words)
-    for name, value in flags.items():
-        if value == usual.get(name):
+
+def footer(command: str, made: Sequence[Made], time: str) -> list[str]:
+    """The last blocks of a page: the command, machines and versions, and what does not regenerate."""
+    return [code(command), made_on(*made), time]
+
+
+def command(name: str, out: str, flags: Mapping[str, Any], usual: Mapping[str, Any]) -> str:
+    """What to type: the benchmark, its folder, and those flags, by their names, that are not as usual.
+
+    Left out of `usual` is None.
+    """
+    typed = ["maipp", "benchmark", name, "--out", out]
+    for flag, value in flags.items():
+        if value == usual.get(flag):
             continue
         values = [] if value is True else value if isinstance(value, list | tuple) else [value]
-        typed += [f"--{name}", *(f"{each:g}" if isinstance(each, float) else str(each) for each in values)]
+        typed += [f"--{flag}", *(f"{each:g}" if isinstance(each, float) else str(each) for each in values)]
     return shlex.join(typed)
 
 
-def code(*lines: str) -> str:
-    """Commands as a block of a page."""
-    return "\n".join(["```sh", *lines, "```"])
+def flags_of(plan: Any, *of_scenario: str) -> dict[str, Any]:
+    """The flags that ask for a plan, a dataclass with a scenario and rows; of the scenario these keys have flags."""
+    own = {each.name: getattr(plan, each.name) for each in dataclasses.fields(plan)}
+    scenario, rows = own.pop("scenario"), own.pop("rows")
+    return own | {key: getattr(scenario, key) for key in of_scenario} | {"planners": [row.name for row in rows]}
 
 
-def machines(*made: tuple[Mapping[str, Any], Mapping[str, str]]) -> str:
+def code(command: str) -> str:
+    """A command as a block of a page."""
+    return f"```sh\n{command}\n```"
+
+
+def machines(*made: Made) -> str:
     """Machines and versions in words, each once."""
     words = [
         f"{machine['cpu']}, {_count(machine['cores'], 'core')}, JAX on {machine['backend']} "
@@ -32,7 +50,7 @@ def machines(*made: tuple[Mapping[str, Any], Mapping[str, str]]) -> str:
     return "; and on ".join(dict.fromkeys(words))
 
 
-def made_on(*made: tuple[Mapping[str, Any], Mapping[str, str]]) -> str:
+def made_on(*made: Made) -> str:
     """The line of machines and versions below a table."""
     return f"Made on {machines(*made)}."
 

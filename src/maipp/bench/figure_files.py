@@ -4,14 +4,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
 import pandas as pd
 from jax import lax
 
-from maipp.bench import command
+from maipp.bench.command import command, flags_of, footer, wall_time
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability, save_figure
 from maipp.bench.intents import KINDS, Stability, measure, sampled_paths, stability_table, verdicts
 from maipp.bench.made_by import machine, versions
@@ -118,16 +117,13 @@ def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: f
         "The paper's claims, each confirmed or denied only where all the differences that it rests on are beyond "
         "chance (Wilcoxon's signed-rank test on the same instances, two-sided, 0.05):",
         verdicts(found),
-        command.code(command.command(["maipp", "benchmark", "figures", "--out", out], _flags(plan), _flags(Plan()))),
-        command.made_on((machine(), versions())),
-        command.wall_time(seconds, "the figures"),
+        *footer(
+            command("figures", out, flags_of(plan, "budget"), flags_of(Plan(), "budget")),
+            [(machine(), versions())],
+            wall_time(seconds, "the figures"),
+        ),
     ]
     return "\n\n".join(blocks) + "\n"
-
-
-def _flags(plan: Plan) -> dict[str, Any]:
-    names = [row.name for row in plan.rows]
-    return {"instances": plan.instances, "seed": plan.seed, "budget": plan.scenario.budget, "planners": names}
 
 
 def _words(plan: Plan) -> str:

@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 
 from maipp.bench.cells import CellResult, cell
+from maipp.bench.command import Made
 from maipp.bench.evaluate import Evaluation
 from maipp.bench.tables import Row, Sample, TableSpec
 from maipp.markdown import typed
@@ -40,7 +41,7 @@ class Results(NamedTuple):
     """The rows of a table of which every cell is there, and how they were made."""
 
     missions: pd.DataFrame  # as above
-    made: tuple[tuple[Mapping[str, Any], Mapping[str, str]], ...]  # machine and versions of each cell
+    made: tuple[Made, ...]  # machine and versions of each cell
     seconds: float  # that the cells took, times the devices they took them on
 
 

@@ -12,7 +12,8 @@ import jax
 import numpy as np
 import pandas as pd
 
-from maipp.bench import command, page
+from maipp.bench import page
+from maipp.bench.command import command, flags_of, footer, wall_time
 from maipp.bench.latency import decision_seconds
 from maipp.bench.made_by import machine, versions
 from maipp.bench.tables import TABLES, Row
@@ -111,6 +112,9 @@ def latency_table(found: Sequence[Latency]) -> str:
     return page.markdown(pd.DataFrame(found), columns=_COLUMNS)
 
 
+_ALL = "all of it; the times above do not regenerate to the last digit"
+
+
 def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] = lambda _: None) -> list[Path]:
     """Time every row, and write latency.json and latency.md after each, so that an interrupt keeps what is done.
 
@@ -127,14 +131,11 @@ def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] =
         found.append(measure_latency(row, plan.scenario, decisions=size, batch=plan.batch, seed=seed))
         document = {"format": "maipp-latency", **about, "rows": [asdict(one) for one in found]}
         write_atomic(paths[0], json.dumps(document, indent=1) + "\n")
+        seconds = time.perf_counter() - begun
         blocks = [
             _notes(plan),
             latency_table(found),
-            command.code(typed(plan, plan.rows[: len(found)], folder.name)),
-            command.made_on(here),
-            command.wall_time(
-                time.perf_counter() - begun, "all of it; the times above do not regenerate to the last digit"
-            ),
+            *footer(typed(plan, plan.rows[: len(found)], folder.name), [here], wall_time(seconds, _ALL)),
         ]
         write_atomic(paths[1], "\n\n".join(blocks) + "\n")
     return paths
@@ -142,13 +143,8 @@ def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] =
 
 def typed(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
     """The command that times these rows."""
-    given, usual = (
-        {name: getattr(each, name) for name in ("decisions", "batch", "seed")}
-        | {name: getattr(each.scenario, name) for name in ("agents", "budget")}
-        | {"planners": [row.name for row in each.rows]}
-        for each in (replace(plan, rows=tuple(rows)), LatencyPlan())
-    )
-    return command.command(["maipp", "benchmark", "latency", "--out", out], given, usual)
+    given, usual = (flags_of(each, "agents", "budget") for each in (replace(plan, rows=tuple(rows)), LatencyPlan()))
+    return command("latency", out, given, usual)
 
 
 def _notes(plan: LatencyPlan) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from maipp.bench import command
+from maipp.bench.command import code, command, device_time, footer, made_on
 from maipp.bench.comparison import Paired, paired
 from maipp.bench.drawings import draw_table, save_figure
 from maipp.bench.evaluate import summarise
@@ -63,8 +63,8 @@ def table_page(
     blocks.append(_notes(table, results, sample))
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
-    blocks.append(command.code(_command(table, results, sample, out, reference)))
-    blocks += [command.made_on(*results.made), command.device_time(results.seconds, "the cells above")]
+    time = device_time(results.seconds, "the cells above")
+    blocks += footer(_command(table, results, sample, out, reference), results.made, time)
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
@@ -78,9 +78,9 @@ def brief_page(table: TableSpec, results: Results, sample: Sample, *, out: str) 
     trials = f"{sample.trials} trial{'s' * (sample.trials > 1)}"
     blocks.append(
         f"Mean ± standard error over {sample.instances} instances of {trials} each, seed {sample.seed}, unless said; "
-        f"lower is better. {command.made_on(*results.made)}"
+        f"lower is better. {made_on(*results.made)}"
     )
-    blocks.append(command.code(_command(table, results, sample, out, table.reference)))
+    blocks.append(code(_command(table, results, sample, out, table.reference)))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -90,8 +90,7 @@ def _command(table: TableSpec, results: Results, sample: Sample, out: str, refer
     flags = {"quick": quick, **sample._asdict(), "planners": [*results.missions["row"].unique()]}
     usual = {"quick": False, **(table.quick_sample if quick else table.sample)._asdict(), "reference": table.reference}
     usual["planners"] = [row.name for row in table.chosen(()) if row.quick or not quick]
-    words = ["maipp", "benchmark", table.typed or table.name, "--out", out]
-    return command.command(words, flags | {"reference": reference}, usual)
+    return command(table.typed or table.name, out, flags | {"reference": reference}, usual)
 
 
 def _by_column(
