@@ -90,9 +90,9 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     """The times of one planner on a scenario, compilation excluded."""
     import jax
 
-    from maipp.bench.latency import decision_time
     from maipp.bench.tables import Row
     from maipp.engine import run_missions
+    from maipp.engine.decision_time import decision_time
 
     planner, batch = Row(name, name).drawn(scenario, instances=missions, seed=0)
     single = jax.tree.map(lambda array: array[:1], batch)

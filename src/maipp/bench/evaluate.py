@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32
-from maipp.bench.latency import DecisionTime, decision_time
 from maipp.bench.made_by import machine, planner_fingerprint, versions
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.decision_time import DecisionTime, decision_time
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.rollout import lanes_at_most
 from maipp.engine.score import score_missions

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from maipp.bench.comparison import Paired, paired
+from maipp.bench.evaluations import Paired, paired
 from maipp.bench.page import markdown, shown
 from maipp.bench.tables import Row, known_rows
 from maipp.engine import Mission, Planner, State, draw_missions, reset

@@ -25,11 +25,11 @@ from maipp.bench.belief_error import BeliefError, walks
 from maipp.bench.command import machines
 from maipp.bench.drawings import draw_scaling, save_figure
 from maipp.bench.frame import grouped
-from maipp.bench.latency import compiled_anew, event_halves, timed_decisions
 from maipp.bench.made_by import machine, versions
 from maipp.bench.page import markdown
 from maipp.bench.tidy_csv import csv_text
 from maipp.engine import Mission, Planner, State, draw_missions, reset
+from maipp.engine.decision_time import compiled_anew, event_halves, timed_decisions
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.planners import make_planner

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from maipp.bench.command import code, command, device_time, footer, made_on
-from maipp.bench.comparison import Paired, paired
 from maipp.bench.drawings import draw_table, save_figure
 from maipp.bench.evaluate import summarise
+from maipp.bench.evaluations import Paired, paired
 from maipp.bench.frame import Results, grids, grouped, read, wide
 from maipp.bench.page import METRICS, markdown, shown
 from maipp.bench.tables import Part, Sample, TableSpec, best

@@ -1,12 +1,11 @@
 """Tables as data: which rows, on which missions, beside which printed numbers. The paper's are files like any other."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from maipp.engine import Mission, Planner, draw_missions
 from maipp.engine.score import Metrics
@@ -15,7 +14,8 @@ from maipp.files import read_text
 from maipp.markdown import typed
 from maipp.planners import make_planner, planner_names
 from maipp.problem import Shape, shape_of
-from maipp.records import Value, fields_of, nearest, read_yaml, unknown
+from maipp.records import Value, Within, fields_of, nearest, read_yaml, unknown
+from maipp.records.kinds import Count, Finite
 from maipp.scenario import Scenario
 
 PAPER = Path(__file__).with_name("paper")  # folder of the paper's tables, and of the rows that any table can name
@@ -29,7 +29,7 @@ class Row:
     planner: str  # its name, or path/to/file.py:ClassName
     options: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's defaults
     paper: str | None = None  # the paper's name of the method; None: not in the paper
-    trials: int | None = None  # the most, where a trial is dear; the table says so
+    trials: Count | None = None  # the most, where a trial is dear; the table says so
     quick: bool = True  # False: too dear for a quick look, unless it is asked for by name
     by_name: bool = False  # in no table unless it is asked for by name: as dear as many other rows together
 
@@ -62,19 +62,11 @@ def read_row(value: Value) -> Row:
     """A row of a file: the name of a known one or of a planner, or a mapping. Raises `FieldError` with the key."""
     if isinstance(value.value, str):
         return _named(value, value.value)
-    given = value.mapping(("name", "planner", "options", "paper", "trials", "quick", "by_name"))
-    planner = value["planner"].fit(str)
-    given_options = value["options"].mapping() if "options" in value else {}
-    options = {str(key): _tuples(value["options"].at(str(key), option)) for key, option in given_options.items()}
-    name = value["name"].fit(str) if "name" in given else planner.rpartition(":")[2]
-    if not name or not all(letter.isalnum() or letter in "-_." for letter in name):
-        value.at("name").wrong(f"{name!r} is no word that can be typed; give letters, digits, -, _ and .")
-    trials = value["trials"].fit(int) if "trials" in value else None
-    if trials is not None and trials < 1:
-        value["trials"].unfit("a whole number >= 1")
-    paper = value["paper"].fit(str) if "paper" in value else None
-    flags = {key: value[key].fit(bool) for key in ("quick", "by_name") if key in value}
-    return Row(name, planner, options, paper, trials, **flags)
+    named = {} if "name" in value else {"name": value["planner"].fit(str).rpartition(":")[2]}
+    row = value.record(Row, {"options": _options}, beside=["name"], **named)
+    if not row.name or not all(letter.isalnum() or letter in "-_." for letter in row.name):
+        value.at("name").wrong(f"{row.name!r} is no word that can be typed; give letters, digits, -, _ and .")
+    return row
 
 
 def _named(value: Value, name: str) -> Row:
@@ -98,13 +90,15 @@ def check_row(value: Value, row: Row, scenario: Scenario) -> None:
         value.wrong(str(error))
 
 
+def _options(value: Value) -> dict[str, Any]:
+    """Options, lists among them as tuples."""
+    return {str(key): _tuples(value.at(str(key), option)) for key, option in value.mapping().items()}
+
+
 def _tuples(value: Value) -> Any:
-    """Lists as tuples, which options are."""
     if isinstance(value.value, list):
         return tuple(map(_tuples, value.items()))
-    if isinstance(value.value, float) and not math.isfinite(value.value):
-        value.unfit("a finite number")
-    return value.value
+    return value.fit(Finite) if isinstance(value.value, float) else value.value
 
 
 WORLDS = ("mixture", "prior")  # ground truths: the paper's mixtures, or draws of the scenario's own prior
@@ -218,7 +212,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     if "left_out" in root:
         given["left_out"] = {name: root["left_out"][name].fit(str) for name in root["left_out"].mapping()}
     title = root["title"].fit(str) if "title" in root else path.stem
-    sample = Sample(**{key: _whole(root[key], key != "seed") for key in Sample._fields if key in root})
+    sample = Sample(**{key: root[key].fit(_COUNTS[key]) for key in Sample._fields if key in root})
     spec = TableSpec(path.stem, title, rows, parts, columns, column, **given, sample=sample, typed=str(path))
     for part in parts:
         for value in columns:
@@ -226,6 +220,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     return spec
 
 
+_COUNTS = {"instances": Count, "trials": Count, "seed": Annotated[int, Within(least=0, wide=True)]}
 _NUMBERS = ("budget", "comm_range")  # numbers whose default is none
 _METRICS = [each.name for each in dataclasses.fields(Metrics)]
 
@@ -248,20 +243,6 @@ def _one_of(value: Value, names: Sequence[str]) -> str:
     if name not in names:
         value.wrong(f"{name!r:.60}: {nearest(name, names)}")
     return name
-
-
-def _whole(value: Value, positive: bool) -> int:
-    number = value.fit(int)
-    if number < positive:
-        value.unfit(f"a whole number >= {int(positive)}")
-    return number
-
-
-def _finite(value: Value) -> float:
-    number = value.fit(float)
-    if not math.isfinite(number):
-        value.unfit("a finite number")
-    return number
 
 
 def _scenario(value: Value, base: Scenario) -> Scenario:
@@ -305,9 +286,10 @@ def _printed(value: Value, columns: Sequence[float]) -> Block:
         return {}
     block = {}
     for name in value["printed"].mapping():
-        pairs = value["printed"][name].items(count=len(columns))
-        numbers = [[_finite(number) for number in pair.items(count=2)] for pair in pairs]
-        block[name] = {column: Printed(*pair) for column, pair in zip(columns, numbers, strict=True)}
+        pairs = zip(columns, value["printed"][name].items(count=len(columns)), strict=True)
+        block[name] = {
+            column: Printed(*(number.fit(Finite) for number in pair.items(count=2))) for column, pair in pairs
+        }
     return block
 
 

@@ -10,9 +10,8 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from maipp.bench.comparison import Comparison, compare
 from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of
-from maipp.bench.evaluation_file import find, merged, read_evaluations, save_evaluations, to_json, what
+from maipp.bench.evaluations import Comparison, compare, find, merged, read_evaluations, save_evaluations, to_json, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console, tell_of
 from maipp.cli.options import FieldFlags

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_rel, wilcoxon
 
-from maipp.bench.comparison import compare, holm, label, paired
 from maipp.bench.evaluate import evaluate
-from maipp.bench.evaluation_file import find, merged, read_evaluations, save_evaluations, what
+from maipp.bench.evaluations import compare, find, holm, label, merged, paired, read_evaluations, save_evaluations, what
 from maipp.engine import Decision, Planner
 from maipp.errors import InputError
 from maipp.planners import make_planner
