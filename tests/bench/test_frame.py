@@ -86,6 +86,14 @@ def test_evaluations_have_the_same_frame():
     assert lines[7].startswith('greedy,"shared=true at=1,2",2,2,0.3,0.45,7,3,0,1,0.25,0.25')
 
 
+def test_no_digit_is_lost_where_parts_come_from_several_machines():
+    result = made_up(precision="float64")
+    machine = {"several": [{"precision": "float32"}, result.machine]}
+    scenario, values = Scenario(budget=1.0), dict(result.values)
+    merged = Evaluation(scenario, "greedy", {}, 3, 0, 2, 7, values, 8, None, 1.5, machine, {}, "")
+    np.testing.assert_array_equal(evaluated([merged])["trace"], result.values["trace"].reshape(-1))
+
+
 def test_numbers_have_the_fewest_digits_of_their_precision():
     frame = pd.DataFrame({"a": np.array([0.1, 3.0], np.float32), "b": [0.1, math.nan], "c": ["x,y", ""], "d": [1, 2]})
     assert csv_text(frame) == 'a,b,c,d\n0.1,0.1,"x,y",1\n3.0,nan,,2\n'

@@ -6,6 +6,8 @@ import json
 import math
 from functools import partial
 
+import jax
+import numpy as np
 import pytest
 
 from maipp.bench.belief_error import BeliefError
@@ -22,11 +24,16 @@ from maipp.bench.scaling import (
     points,
     read_json,
     to_markdown,
+    under_way,
     write_json,
     write_report,
 )
+from maipp.engine.observe import turn
 from maipp.errors import InputError
+from maipp.planners import make_planner
+from maipp.scenario import Scenario
 
+MID_SURVEY = Scenario(agents=3, budget=1.2, grid=6, nodes=12, neighbours=4)
 TINY = {"agents": 2, "measurements": 4, "grid": 5, "nodes": 12}
 
 
@@ -125,3 +132,16 @@ def test_another_file_of_that_name_is_refused(tmp_path, content):
     (tmp_path / "scaling.json").write_text(content)
     with pytest.raises(InputError, match=r"scaling\.json.*another --out"):
         read_json(tmp_path, SETTINGS)
+
+
+@pytest.mark.parametrize("name", ["shared-greedy", "lawnmower"])
+def test_everybody_is_due_and_knows_what_everybody_has_measured(name):
+    planner = make_planner(name, MID_SURVEY)
+    mission, state = under_way(MID_SURVEY, planner, seed=1, count=4)
+    after, agent, observation = jax.jit(lambda m, s: turn(m, s))(mission, state)
+    assert int(agent) == 0 and int(observation.known.sum()) == 3 * 4
+    assert float(observation.remaining) == pytest.approx(1.2 - 4 * 0.2, abs=1e-5)
+    assert float(observation.to_next_measurement) == pytest.approx(0.2, abs=1e-5)
+    assert float(after.time) == pytest.approx(4 * 0.2, abs=1e-5)
+    truth = np.asarray(mission.field(state.measurement_x[0, :4]))
+    np.testing.assert_allclose(state.measurement_y[0, :4], truth, atol=1e-6)

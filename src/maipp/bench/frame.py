@@ -91,7 +91,8 @@ def _of(scenario: Scenario) -> dict[str, Any]:
 
 def _tidy(about: dict[str, Any], result: CellResult | Evaluation, first: int = 0) -> pd.DataFrame:
     """What the missions have in common, and the metrics of each; `first` is the number of the first instance."""
-    precision = np.float64 if result.machine.get("precision") == "float64" else np.float32
+    made = result.machine.get("several", [result.machine])  # parts of one evaluation may come from several
+    precision = np.float64 if any(machine.get("precision") == "float64" for machine in made) else np.float32
     instance, trial = np.indices(next(iter(result.values.values())).shape).reshape(2, -1)
     metrics = {metric: values.reshape(-1).astype(precision) for metric, values in result.values.items()}
     return pd.DataFrame(about | {"instance": first + instance, "trial": trial} | metrics)

@@ -22,6 +22,7 @@ MOST_BYTES = 3_000_000  # of all raw numbers beside the page: they are kept in t
 
 _LINK = re.compile(r"\]\(([^)\s:#]+)\)")
 
+Columns = Mapping[str, tuple[str, Callable[[Any], str]]]  # by their heading, the field and how its values are told
 
 METRICS = {
     "trace": "Tr(P)",
@@ -38,9 +39,6 @@ def shown(values: Float[np.ndarray, "instances trials"]) -> str:
     """Mean and standard error over instances, of all values."""
     summary = summarise(values)
     return mean_and_error(summary.mean, summary.se)
-
-
-Columns = Mapping[str, tuple[str, Callable[[Any], str]]]  # by their heading, the field and how its values are told
 
 
 def markdown(frame: pd.DataFrame, left: int = 1, columns: Columns | None = None) -> str:
