@@ -89,7 +89,7 @@ def test_what_is_wrong_is_told_and_nothing_written(page, run, tmp_path, monkeypa
 
 def test_a_frame_is_a_table_of_the_columns_asked_for():
     frame = pd.DataFrame({"name": ["a", "b"], "ms": [1.25, 20.0], "left_out": [0, 0]})
-    text = markdown(frame, columns={"row": ("name", "`{}`".format), "time, ms": ("ms", "{:.1f}".format)})
+    text = markdown(frame, {"row": "`{name}`", "time, ms": "{ms:.1f}"})
     assert text.splitlines() == ["| row | time, ms |", "| --- | ---: |", "| `a` | 1.2 |", "| `b` | 20.0 |"]
     twice = pd.DataFrame([["x", "1", "2"]], columns=["row", "B = 2", "B = 2"])
     assert markdown(twice).splitlines()[::2] == ["| row | B = 2 | B = 2 |", "| x | 1 | 2 |"]

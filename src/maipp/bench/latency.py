@@ -12,9 +12,9 @@ import jax
 import numpy as np
 import pandas as pd
 
-from maipp.bench import page
 from maipp.bench.command import command, flags_of, footer, wall_time
 from maipp.bench.made_by import machine, versions
+from maipp.bench.page import markdown
 from maipp.bench.tables import TABLES, Row
 from maipp.devices import missions_devices
 from maipp.engine import run_missions
@@ -101,15 +101,22 @@ def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int,
     )
 
 
-_TIMES = {"median, ms": "median_ms", "p95, ms": "p95_ms", "p99, ms": "p99_ms", "compile, s": "compile_s"}
-_COLUMNS = {"row": ("row", "`{}`".format)} | {name: (key, three) for name, key in _TIMES.items()}
-_COLUMNS |= {"decisions/s in a batch": ("per_second", "{:,.0f}".format)}
-_COLUMNS |= {"compile of the batch, s": ("batch_compile_s", three)}
+_COLUMNS = {
+    "row": "`{row}`",
+    "median, ms": "{median_ms}",
+    "p95, ms": "{p95_ms}",
+    "p99, ms": "{p99_ms}",
+    "compile, s": "{compile_s}",
+    "decisions/s in a batch": "{per_second:,.0f}",
+    "compile of the batch, s": "{batch_compile_s}",
+}
 
 
 def latency_table(found: Sequence[Latency]) -> str:
     """Markdown: a line per row."""
-    return page.markdown(pd.DataFrame(found), columns=_COLUMNS)
+    frame = pd.DataFrame(found)
+    times = {name: frame[name].map(three) for name in frame if str(name).endswith(("_ms", "_s"))}
+    return markdown(frame.assign(**times), _COLUMNS)
 
 
 _ALL = "all of it; the times above do not regenerate to the last digit"

@@ -5,9 +5,9 @@ the lines `<!-- NAME:start -->` and `<!-- NAME:end -->`; the text around these p
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,8 +21,6 @@ from maipp.typing import Float
 MOST_BYTES = 3_000_000  # of all raw numbers beside the page: they are kept in the repository
 
 _LINK = re.compile(r"\]\(([^)\s:#]+)\)")
-
-Columns = Mapping[str, tuple[str, Callable[[Any], str]]]  # by their heading, the field and how its values are told
 
 METRICS = {
     "trace": "Tr(P)",
@@ -41,15 +39,15 @@ def shown(values: Float[np.ndarray, "instances trials"]) -> str:
     return mean_and_error(summary.mean, summary.se)
 
 
-def markdown(frame: pd.DataFrame, left: int = 1, columns: Columns | None = None) -> str:
+def markdown(frame: pd.DataFrame, columns: Mapping[str, str] | None = None, left: int = 1) -> str:
     """The frame without its index as a table; its first `left` columns, of words, are aligned to the left.
 
-    Without `columns` it is all of text already.
+    `columns` are by their headings what they tell of a line, such as `{trace:.1f}`; without them all is text already.
     """
     if columns is None:
         return markdown_table([*frame.columns], frame.to_numpy(object).tolist(), left)
-    texts = [[told(value) for value in frame[field]] for field, told in columns.values()]
-    return markdown_table([*columns], zip(*texts, strict=True), left)
+    lines = ([told.format_map(line) for told in columns.values()] for line in frame.to_dict("records"))
+    return markdown_table([*columns], lines, left)
 
 
 class Written(NamedTuple):

@@ -294,19 +294,35 @@ def write_report(results: Results, folder: Path) -> list[Path]:
     return written
 
 
-# Of each table what a column is called, its field, and how its values are told.
-_PLANNER, _TENTH, _PART = "`{}`".format, "{:.1f}".format, "{:.2g}".format
-_GROWTHS = {"planner": ("planner", _PLANNER), "axis": ("axis", str)}
-_GROWTHS |= {"time": ("time", "{:.2f}".format), "time, last two sizes": ("time_end", "{:.2f}".format)}
-_GROWTHS |= {"memory": ("memory", "{:.2f}".format)}
-_COSTS = {"planner": ("planner", _PLANNER), "varied": ("axis", str)} | {name: (name, str) for name in BASE}
-_COSTS |= {"ms": ("decision_ms", _TENTH), "p95": ("p95_ms", _TENTH), "compile s": ("compile_s", _TENTH)}
-_COSTS |= {"MB": ("memory_mb", _TENTH), "state MB": ("state_mb", _TENTH)}
-_KINDS = {"measurements": "measurements", "interval": "interval", "length scale": "length_scale", "surveys": "surveys"}
-_SHARES = {"error": "error", "se": "error_se", "worst": "error_worst"}
-_ERRORS = {name: (key, "{:g}".format) for name, key in _KINDS.items()} | {"Tr(P)": ("trace", "{:.4g}".format)}
-_ERRORS |= {name: (key, lambda share: f"{100 * share:.3f} %") for name, key in _SHARES.items()}
-_ERRORS |= {"mean": ("mean_worst", _PART), "variance": ("variance_worst", _PART)}
+_GROWTHS = {
+    "planner": "`{planner}`",
+    "axis": "{axis}",
+    "time": "{time:.2f}",
+    "time, last two sizes": "{time_end:.2f}",
+    "memory": "{memory:.2f}",
+}
+_COSTS = {
+    "planner": "`{planner}`",
+    "varied": "{axis}",
+    **{name: f"{{{name}}}" for name in BASE},
+    "ms": "{decision_ms:.1f}",
+    "p95": "{p95_ms:.1f}",
+    "compile s": "{compile_s:.1f}",
+    "MB": "{memory_mb:.1f}",
+    "state MB": "{state_mb:.1f}",
+}
+_ERRORS = {
+    "measurements": "{measurements:g}",
+    "interval": "{interval:g}",
+    "length scale": "{length_scale:g}",
+    "surveys": "{surveys:g}",
+    "Tr(P)": "{trace:.4g}",
+    "error": "{error:.3f} %",
+    "se": "{error_se:.3f} %",
+    "worst": "{error_worst:.3f} %",
+    "mean": "{mean_worst:.2g}",
+    "variance": "{variance_worst:.2g}",
+}
 
 
 def to_markdown(results: Results) -> str:
@@ -316,14 +332,16 @@ def to_markdown(results: Results) -> str:
         f"{machines((machine(), versions()))}. Times are processor time of one decision (hear, observe, decide), "
         "medians; memory is what the compiled decision needs at its peak.",
         "Cost goes as the size to the power of:",
-        markdown(pd.DataFrame(growth(results.costs), columns=Growth._fields), columns=_GROWTHS),
+        markdown(pd.DataFrame(growth(results.costs), columns=Growth._fields), _GROWTHS),
         "Every size:",
-        markdown(pd.DataFrame(results.costs, columns=Cost._fields), columns=_COSTS),
+        markdown(pd.DataFrame(results.costs, columns=Cost._fields), _COSTS),
     ]
     if results.errors:
+        errors = pd.DataFrame(results.errors, columns=BeliefError._fields)
+        percent = {name: 100 * errors[name] for name in ("error", "error_se", "error_worst")}
         parts += [
             "Error of the belief against the exact one in float64 (se: over surveys; worst: of any survey; mean and "
             "variance: the worst of any survey and grid point):",
-            markdown(pd.DataFrame(results.errors, columns=BeliefError._fields), columns=_ERRORS),
+            markdown(errors.assign(**percent), _ERRORS),
         ]
     return "\n\n".join(parts) + "\n"
