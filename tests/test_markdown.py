@@ -1,9 +1,13 @@
-"""Markdown that commands write: tables line up, and of a page only the place between the marks changes."""
+"""Markdown that commands write: tables line up, numbers keep what errors show, and places on a page alone change."""
+
+import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from maipp.errors import InputError
-from maipp.markdown import filled, markdown_table, typed
+from maipp.markdown import filled, markdown_table, mean_and_error, three, typed
 
 START, END = "<!-- a:start -->", "<!-- a:end -->"
 
@@ -32,3 +36,15 @@ def test_a_page_without_marks_is_refused(text):
 def test_values_are_as_one_types_them():
     values = (None, True, 0.25, "x", (1, [2, False]))
     assert [typed(value) for value in values] == ["none", "true", "0.25", "x", "1,2,false"]
+
+
+@given(st.floats(0.01, 900), st.floats(1e-4, 50))
+def test_mean_and_error_lose_nothing_that_the_error_shows(mean, se):
+    shown_mean, shown_se = map(float, mean_and_error(mean, se).split(" ± "))
+    assert abs(shown_mean - mean) <= 0.051 * se
+    assert shown_se == pytest.approx(se, rel=0.051)
+    assert math.isclose(float(mean_and_error(mean, None)), mean, rel_tol=0.006)
+
+
+def test_three_digits_without_a_trailing_point():
+    assert [three(number) for number in (0.012345, 1.5, 20.0, 123.4)] == ["0.0123", "1.50", "20.0", "123"]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from maipp.belief.interest import Interest
     from maipp.belief.posterior import Belief, condition, extend
-    from maipp.bench.comparison import compare
     from maipp.bench.evaluate import evaluate
+    from maipp.bench.evaluations import compare
     from maipp.devices import keep_compiled, use_all_cores
     from maipp.engine.decision import Decision, Observation, Planner
     from maipp.engine.episode import Episode
@@ -59,7 +59,7 @@ _MODULES = {
     "State": "maipp.engine.state",
     "Vehicle": "maipp.fleet.vehicle",
     "belief_at": "maipp.engine.surveyed",
-    "compare": "maipp.bench.comparison",
+    "compare": "maipp.bench.evaluations",
     "condition": "maipp.belief.posterior",
     "draw_missions": "maipp.engine.mission",
     "edges_here": "maipp.planners.roadmap.edges",

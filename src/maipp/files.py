@@ -74,6 +74,14 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> None:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder where it is missing. Raises `InputError` where that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
+
+
 @contextmanager
 def staged_folder(folder: str | os.PathLike[str], *, gone: Sequence[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files replace those of `folder`, made if need be, when the block ends well.

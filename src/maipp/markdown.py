@@ -1,8 +1,22 @@
-"""Markdown that commands write: tables, and the places on a page that they fill."""
+"""Markdown that commands write: numbers, tables, and the places on a page that they fill."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 from maipp.errors import InputError
+
+
+def three(value: float) -> str:
+    """Three significant digits."""
+    return f"{value:#.3g}".rstrip(".")
+
+
+def mean_and_error(mean: float, se: float | None) -> str:
+    """`36.1 ± 1.2`: the error to two significant digits, the mean to the same place; three digits without an error."""
+    if se is None or not se > 0:
+        return three(mean)
+    decimals = max(0, 1 - math.floor(math.log10(se)))
+    return f"{mean:.{decimals}f} ± {se:.{decimals}f}"
 
 
 def markdown_table(heading: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32, condition
-from maipp.bench.belief_error import belief_error, exact_moments
-from maipp.bench.scaling_report import add_missing
+from maipp.bench.belief_error import belief_error, exact_moments, walks
+from maipp.bench.scaling import add_missing
 from maipp.scenario import Scenario
 
 
@@ -38,3 +38,11 @@ def test_kinds_that_are_done_are_not_measured_again():
     first = found[0]
     add_missing(found, kinds, measure, told.append)
     assert [error.point for error in found] == kinds[::-1] and found[0] is first and told == found
+
+
+def test_walks_stay_in_the_domain_and_measure_at_every_interval():
+    visited = walks(np.random.default_rng(0), 50, 40, 0.2)
+    assert visited.shape == (50, 40, 2) and (visited >= 0).all() and (visited <= 1).all()
+    steps = np.linalg.norm(np.diff(visited, axis=1), axis=-1)
+    assert (steps <= 0.2 + 1e-12).all()
+    assert np.isclose(steps, 0.2).mean() > 0.4  # the others are mirrored at a border, where many linger

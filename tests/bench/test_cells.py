@@ -9,14 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.bench import cells as cells_module
-from maipp.bench.cells import CELLS, Cell, cells, fill, read, share
-from maipp.bench.rows import Row
-from maipp.bench.tables import Sample
+from maipp.bench.cells import CELLS, Cell, cells, fill, share
+from maipp.bench.frame import grids, read
+from maipp.bench.tables import Row, Sample
 from maipp.errors import InputError
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
 SAMPLE = Sample(instances=2, trials=2, seed=3)
+ROWS = ("random", "greedy", "lawnmower")
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +33,8 @@ def filled(every, tmp_path_factory):
 
 
 def numbers(folder, table):
-    return [
-        (line.row.name, line.part.scenario.comm_range, budget, result.values["own_trace"].tolist())
-        for line in read(table, folder, SAMPLE)
-        for budget, result in line.results.items()
-    ]
+    found = grids(read(table, folder, SAMPLE).missions, "own_trace", ("part", "row", "column"))
+    return {cell: values.tolist() for cell, values in found.items()}
 
 
 def copy(filled, folder, names):
@@ -47,12 +45,11 @@ def copy(filled, folder, names):
 
 def test_every_row_part_and_budget_has_its_cell(every, filled, tiny_table):
     assert len(every) == 3 * 2 * 2 == len(list((filled / CELLS).iterdir()))
-    lines = read(tiny_table, filled, SAMPLE)
-    assert [line.row.name for line in lines] == ["random", "greedy", "lawnmower"] * 2
-    values = lines[0].results[2.0].values
+    assert list(numbers(filled, tiny_table)) == [(p, r, b) for p in (0, 1) for r in ROWS for b in (2.0, 3.0)]
+    values = every[0].load(filled).values
     assert all(array.shape == (2, 2) and np.isfinite(array).all() for array in values.values())
-    numbers = {"trace", "own_trace", "true_trace", "rmse", "distance", "decisions", "unspent"}
-    assert numbers | {"not_finite", "record_full"} == values.keys()
+    metrics = {"trace", "own_trace", "true_trace", "rmse", "distance", "decisions", "unspent"}
+    assert metrics | {"not_finite", "record_full"} == values.keys()
 
 
 def test_a_full_folder_is_not_computed_again(every, filled, monkeypatch):
@@ -102,7 +99,8 @@ def test_several_processes_make_what_one_makes(every, filled, tiny_table, tmp_pa
 
 def test_rows_that_lack_a_cell_are_left_out(every, filled, tiny_table, tmp_path):
     copy(filled, tmp_path, [one.file for one in every[:5]])  # random and greedy of the first part, one of lawnmower
-    assert [line.row.name for line in read(tiny_table, tmp_path, SAMPLE)] == ["random", "greedy"]
+    assert list(numbers(tmp_path, tiny_table)) == [(0, row, b) for row in ROWS[:2] for b in (2.0, 3.0)]
+    assert len(read(tiny_table, tmp_path, SAMPLE).made) == 4
 
 
 @given(st.integers(0, 60), st.integers(1, 9))

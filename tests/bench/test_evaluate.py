@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from maipp.bench import evaluate as module
-from maipp.bench.evaluate import Evaluation, evaluate, message_bytes, save_evaluations, summarise, to_json
+from maipp.bench.evaluate import Evaluation, evaluate, message_bytes, summarise
+from maipp.bench.evaluations import save_evaluations, to_json
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.score import pooled_belief, score_missions
 from maipp.errors import InputError

@@ -11,10 +11,9 @@ import pytest
 
 from maipp.bench import figure_files
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability
-from maipp.bench.figure_files import Plan, write_figures
+from maipp.bench.figure_files import Plan, trace_curve, write_figures
 from maipp.bench.intents import KINDS, Stability, sampled_paths
-from maipp.bench.rows import Row
-from maipp.bench.trace_curves import trace_curve
+from maipp.bench.tables import Row
 from maipp.engine import draw_missions, run_missions
 from maipp.engine.score import score_missions
 from maipp.errors import InputError
@@ -59,14 +58,16 @@ def test_a_curve_ends_where_the_metrics_do(curve):
     planner = make_planner("random", SCENARIO)
     missions = draw_missions(SCENARIO, seed=4, instances=3)
     states = run_missions(planner, missions, jax.random.key(4))
-    np.testing.assert_allclose(curve.trace[:, -1], score_missions(missions, states).trace, rtol=1e-4)
-    np.testing.assert_allclose(curve.distance, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
-    np.testing.assert_allclose(curve.trace[:, 0], SCENARIO.grid_points)
+    traces = curve.pivot(index="instance", columns="distance", values="trace")
+    np.testing.assert_allclose(traces.iloc[:, -1], score_missions(missions, states).trace, rtol=1e-4)
+    np.testing.assert_allclose(traces.columns, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+    np.testing.assert_allclose(traces.iloc[:, 0], SCENARIO.grid_points)
 
 
 def test_pictures_show_every_number(sampled, curve):
-    (axes,) = draw_curves([curve], "title").axes
-    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), curve.trace.mean(axis=0))
+    (axes,) = draw_curves(curve, "title").axes
+    means = curve.groupby("distance")["trace"].mean()
+    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), means, rtol=1e-6)
     found = [made_up(kind, length) for kind, lengths in KINDS.items() for length in lengths]
     for axes in draw_stability(found, "title").axes:
         drawn = {float(y) for line in axes.lines for y in np.asarray(line.get_ydata(), float)}

@@ -1,50 +1,60 @@
-"""Timing steps missions from the host: it must step the very same missions."""
+"""Latency: pinned while timing alone, written after every row."""
 
-from functools import partial
+import json
+import os
 
-import jax
-import numpy as np
+import pytest
 
-from maipp.bench.latency import compiled_anew, decision_seconds, decision_time
-from maipp.engine import draw_missions, run_missions
-from maipp.planners import make_planner
+from maipp.bench.latency import Latency, LatencyPlan, latency_table, one_core, typed, write_latency
+from maipp.bench.tables import Row
 from maipp.scenario import Scenario
-from tests.tools.bench import time_planner
 
-SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)
-
-
-def test_one_time_for_each_decision_that_the_simulator_takes():
-    planner = make_planner("random", SCENARIO)
-    missions = draw_missions(SCENARIO, seed=1, instances=3)
-    key = jax.random.key(2)
-    events = np.asarray(run_missions(planner, missions, key).events)
-    first, every = decision_seconds(planner, missions, key, least=10**6)
-    assert every.shape == (events.sum(),) and first > 0
-    assert decision_seconds(planner, missions, key, least=1)[1].shape == (events[0],)
+PLAN = LatencyPlan(
+    Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4),
+    (Row("random", "random"), Row("sweep", "lawnmower")),
+    decisions=3,
+    batch=3,
+)
 
 
-def test_the_p95_is_not_below_the_median():
-    planner = make_planner("random", SCENARIO)
-    time = decision_time(planner, draw_missions(SCENARIO, seed=1, instances=1), jax.random.key(2))
-    assert 0 < time.median <= time.p95 and time.decisions > 0
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system cannot pin a process")
+def test_one_core_is_used_inside_and_all_afterwards():
+    before = os.sched_getaffinity(0)
+    with one_core():
+        assert os.sched_getaffinity(0) == {min(before)}
+    assert os.sched_getaffinity(0) == before
 
 
-def test_a_planner_is_timed_alone_and_in_a_batch():
-    timing = time_planner("random", SCENARIO, missions=3, repeat=1)
-    assert timing.planner == "random" and all(value > 0 for value in timing[1:])
+def test_every_row_is_timed_and_written(tmp_path):
+    told = []
+    paths = write_latency(PLAN, tmp_path / "run", told.append)
+    assert [path.name for path in paths] == ["latency.json", "latency.md"] and len(told) == 2
+    document = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert [row["row"] for row in document["rows"]] == ["random", "sweep"]
+    for row in document["rows"]:
+        assert 0 < row["median_ms"] <= row["p95_ms"] <= row["p99_ms"]
+        assert row["decisions"] >= 3 and row["per_second"] > 0 and row["compile_s"] >= 0
+    assert Scenario.from_dict(document["scenario"]) == PLAN.scenario
+    assert "| `sweep` |" in paths[1].read_text(encoding="utf-8")
 
 
-def test_what_was_compiled_before_does_not_shorten_a_compilation():
-    traced = []
+def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path):
+    def interrupted(words):
+        if "sweep" in words:
+            raise KeyboardInterrupt
 
-    @partial(jax.jit, static_argnums=0)
-    def half(static, array, number):
-        traced.append(static)
-        return array + number
+    with pytest.raises(KeyboardInterrupt):
+        write_latency(PLAN, tmp_path, interrupted)
+    assert [row["row"] for row in json.loads((tmp_path / "latency.json").read_text())["rows"]] == ["random"]
 
-    before = partial(half, "static", np.ones(2))
-    for times in (1, 2):
-        program, after = compiled_anew(before, np.float32(times))
-        assert len(traced) == times and program.memory_analysis() is not None
-        np.testing.assert_array_equal(after(np.float32(times)), np.full(2, 1.0 + times))
+
+def test_the_table_has_three_digits():
+    row = Latency("random", 0.012345, 1.5, 20.0, 300, 2.0, 64, 3.21, 12345.6, 2)
+    assert latency_table([row]).splitlines()[-1] == "| `random` | 0.0123 | 1.50 | 20.0 | 2.00 | 12,346 | 3.21 |"
+
+
+def test_the_command_says_what_differs():
+    assert typed(LatencyPlan(), LatencyPlan().rows, "run") == "maipp benchmark latency --out run"
+    assert typed(PLAN, PLAN.rows[:1], "run") == (
+        "maipp benchmark latency --out run --decisions 3 --batch 3 --agents 2 --budget 0.6 --planners random"
+    )

@@ -1,38 +1,95 @@
-"""Pages of results: numbers lose nothing that the error shows, commands say what differs, machines are told once."""
+"""Pages of results: frames as tables; the report, whose places are filled, words around them stay, files come along."""
 
-import math
-
+import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from maipp.bench.page import code, command, made_on, mean_and_error, three
+from maipp.bench import page as page_module
+from maipp.bench.page import markdown, write_report
+from maipp.errors import InputError
 
+PAGE = """Words.
 
-@given(st.floats(0.01, 900), st.floats(1e-4, 50))
-def test_mean_and_error_lose_nothing_that_the_error_shows(mean, se):
-    shown_mean, shown_se = map(float, mean_and_error(mean, se).split(" ± "))
-    assert abs(shown_mean - mean) <= 0.051 * se
-    assert shown_se == pytest.approx(se, rel=0.051)
-    assert math.isclose(float(mean_and_error(mean, None)), mean, rel_tol=0.006)
+<!-- table1:start -->
+old
+<!-- table1:end -->
 
+More.
 
-def test_three_digits_without_a_trailing_point():
-    assert [three(number) for number in (0.012345, 1.5, 20.0, 123.4)] == ["0.0123", "1.50", "20.0", "123"]
-
-
-def test_the_command_has_the_flags_that_are_not_as_usual():
-    usual = {"seed": 0, "budget": 3.0, "planners": ["a", "b"], "quick": False}
-    assert command(["run", "my dir"], usual, usual) == "run 'my dir'"
-    given = {"seed": 2, "budget": 0.6, "planners": ["a"], "quick": True, "reference": "b", "page": None}
-    assert command(["run"], given, usual) == "run --seed 2 --budget 0.6 --planners a --quick --reference b"
-    assert code("a", "b") == "```sh\na\nb\n```"
+<!-- latency:start -->
+<!-- latency:end -->
+"""
 
 
-def test_machines_are_told_once():
-    machine = {"cpu": "A processor", "cores": 1, "backend": "cpu", "devices": 2, "precision": "float32"}
-    versions = {"maipp": "0.1.0", "jax": "0.10.2", "python": "3.11.7"}
-    words = "{}, 1 core, JAX on cpu (2 devices), float32, maipp 0.1.0, jax 0.10.2, Python 3.11.7"
-    assert made_on((machine, versions), (machine, versions)) == words.format("A processor")
-    both = made_on((machine, versions), (machine | {"cpu": "Another"}, versions))
-    assert both == f"{words.format('A processor')}; and on {words.format('Another')}"
+@pytest.fixture
+def page(tmp_path):
+    path = tmp_path / "docs" / "results.md"
+    path.parent.mkdir()
+    path.write_text(PAGE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def run(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    text = "| 1 |\n\n![T](table1.png)\n\n[table1.csv.gz](table1.csv.gz), [paper](https://arxiv.org/abs/2303.05351)\n"
+    (folder / "table1.md").write_text(text, encoding="utf-8")
+    (folder / "table1.png").write_bytes(b"picture")
+    (folder / "table1.csv.gz").write_bytes(b"numbers")
+    return folder
+
+
+def test_a_place_is_filled_and_the_rest_stays(page, run):
+    written = write_report(page, [run])
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("Words.\n\n<!-- table1:start -->\n\n| 1 |\n") and "old" not in text
+    assert text.endswith("More.\n\n<!-- latency:start -->\n<!-- latency:end -->\n")
+    assert "![T](results/table1.png)" in text and "(https://arxiv.org/abs/2303.05351)" in text
+    assert (page.parent / "results" / "table1.png").read_bytes() == b"picture"
+    assert (page.parent / "results" / "table1.csv.gz").read_bytes() == b"numbers"
+    assert written.places == ("table1",) and len(written.files) == 2
+
+
+def test_again_is_the_same(page, run):
+    write_report(page, [run])
+    once = page.read_bytes()
+    write_report(page, [run])
+    assert page.read_bytes() == once
+
+
+def test_a_second_run_fills_its_own_place(page, run, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "latency.md").write_text("fast\n", encoding="utf-8")
+    write_report(page, [run])
+    write_report(page, [other])
+    text = page.read_text(encoding="utf-8")
+    assert "<!-- latency:start -->\n\nfast\n\n<!-- latency:end -->" in text and "| 1 |" in text
+
+
+def test_what_is_wrong_is_told_and_nothing_written(page, run, tmp_path, monkeypatch):
+    def refused(match, *runs, to=page):
+        with pytest.raises(InputError, match=match):
+            write_report(to, list(runs))
+        assert page.read_text(encoding="utf-8") == PAGE and not (page.parent / "results").exists()
+
+    (tmp_path / "empty").mkdir()
+    refused("holds no results", tmp_path / "empty")
+    refused("cannot be read", run, to=tmp_path / "none.md")
+    refused("table1: is in .* and in", run, run)
+    with monkeypatch.context() as patch:
+        patch.setattr(page_module, "MOST_BYTES", 6)
+        refused("7 bytes of raw numbers", run)
+    (run / "other.md").write_text("x\n", encoding="utf-8")
+    refused("no place for .*other.md; add the lines <!-- other:start -->", run)
+    (run / "other.md").unlink()
+    (run / "table1.png").unlink()
+    refused("links to table1.png, which is not there", run)
+
+
+def test_a_frame_is_a_table_of_the_columns_asked_for():
+    frame = pd.DataFrame({"name": ["a", "b"], "ms": [1.25, 20.0], "left_out": [0, 0]})
+    text = markdown(frame, {"row": "`{name}`", "time, ms": "{ms:.1f}"})
+    assert text.splitlines() == ["| row | time, ms |", "| --- | ---: |", "| `a` | 1.2 |", "| `b` | 20.0 |"]
+    twice = pd.DataFrame([["x", "1", "2"]], columns=["row", "B = 2", "B = 2"])
+    assert markdown(twice).splitlines()[::2] == ["| row | B = 2 | B = 2 |", "| x | 1 | 2 |"]

@@ -7,13 +7,13 @@ import jax
 import numpy as np
 import pytest
 
-from maipp.bench.cells import cells, fill, read
-from maipp.bench.evaluate import summarise
-from maipp.bench.page import mean_and_error
-from maipp.bench.prior_worlds import prior_missions
+from maipp.bench.cells import cells, fill
+from maipp.bench.evaluate import prior_missions, summarise
+from maipp.bench.frame import read
 from maipp.bench.standardised import Standardised, initial_trace, main, spec, table
 from maipp.bench.tables import Sample
 from maipp.errors import InputError
+from maipp.markdown import mean_and_error
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
 
@@ -109,6 +109,6 @@ def test_bad_flags_give_one_line(change, problem, tmp_path, capsys):
 
 
 def test_an_empty_folder_has_no_table(tmp_path):
-    assert read(spec(flags(tmp_path), TINY), tmp_path, SAMPLE) == []
+    assert read(spec(flags(tmp_path), TINY), tmp_path, SAMPLE).made == ()
     fill([], tmp_path)
     assert not list(tmp_path.iterdir())

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maipp.bench.cells import CellResult, Line
-from maipp.bench.output import compressed
-from maipp.bench.table_figure import draw_table
-from maipp.bench.table_files import table_csv
+from maipp.bench.cells import CellResult
+from maipp.bench.drawings import draw_table
+from maipp.bench.frame import missions, results_of
 from maipp.bench.table_page import table_page
 from maipp.bench.tables import TABLES, Sample
+from maipp.bench.tidy_csv import compressed, missions_csv
 
 GOLDEN = Path(__file__).parent / "golden"
 SAMPLE = Sample(instances=4, trials=2, seed=1)
@@ -38,50 +38,54 @@ def table():
 
 
 @pytest.fixture(scope="module")
-def lines(table):
+def found(table):
+    """What each cell came to, by part, row and budget."""
     scales = {"ti-5-star": 20.0, "greedy": 40.0, "receding-horizon-joint": 9.0}
-    return [
-        Line(
-            row,
-            part,
-            {b: result(i + int(b), scales[row.name] / b, min(2, row.trials or 2)) for b in table.columns},
-        )
-        for part in table.parts
+    return {
+        (number, row.name, b): result(i + int(b), scales[row.name] / b, min(2, row.trials or 2))
+        for number in range(len(table.parts))
         for i, row in enumerate(table.rows)
-    ]
+        for b in table.columns
+    }
 
 
-def test_the_page_is_as_agreed(table, lines):
-    page = table_page(table, lines, SAMPLE, out="run", reference="ti-5-star", files=("table4.png", "table4.csv.gz"))
+def together(table, found):
+    rows = {row.name: row for row in table.rows}
+    frames = [missions(table, part, rows[row], b, result) for (part, row, b), result in found.items()]
+    return results_of(frames, [*found.values()])
+
+
+@pytest.fixture(scope="module")
+def results(table, found):
+    return together(table, found)
+
+
+def test_the_page_is_as_agreed(table, results):
+    page = table_page(table, results, SAMPLE, out="run", reference="ti-5-star", files=("table4.png", "table4.csv.gz"))
     assert page == (GOLDEN / "table4.md").read_text(encoding="utf-8")
 
 
-def test_the_wall_time_is_on_a_line_of_its_own(table, lines):
+def test_the_wall_time_is_on_a_line_of_its_own(table, found):
     def page(wall_s):
-        slow = [
-            dataclasses.replace(
-                line, results={b: dataclasses.replace(r, wall_s=wall_s) for b, r in line.results.items()}
-            )
-            for line in lines
-        ]
-        return table_page(table, slow, SAMPLE, out="run", reference="ti-5-star").splitlines()
+        slow = {cell: dataclasses.replace(result, wall_s=wall_s) for cell, result in found.items()}
+        return table_page(table, together(table, slow), SAMPLE, out="run", reference="ti-5-star").splitlines()
 
     differing = [a for a, b in zip(page(60.0), page(600.0), strict=True) if a != b]
     assert len(differing) == 1 and differing[0].startswith("*Wall time times devices, which does not regenerate:")
 
 
-def test_every_mission_is_one_line_of_csv(table, lines):
-    text = table_csv(table, lines)
+def test_every_mission_is_one_line_of_csv(table, found, results):
+    text = missions_csv(results.missions)
     rows = list(csv.DictReader(io.StringIO(text)))
     assert len(rows) == 2 * 3 * (8 + 8 + 4)  # parts, budgets; missions of the three rows, one of which has one trial
-    for line in lines:
-        for budget, found in line.results.items():
-            reach = "" if line.part.scenario.comm_range is None else str(line.part.scenario.comm_range)
-            mine = [r for r in rows if (r["row"], r["range"], float(r["budget"])) == (line.row.name, reach, budget)]
-            for metric, values in found.values.items():
-                for row in mine:
-                    exact = np.float32(values[int(row["instance"]), int(row["trial"])])
-                    assert np.float32(row[metric]) == exact
+    for (number, row, budget), one in found.items():
+        reach = table.parts[number].scenario.comm_range
+        about = (row, "" if reach is None else str(reach), budget)
+        mine = [r for r in rows if (r["row"], r["range"], float(r["budget"])) == about]
+        assert len(mine) == one.values["trace"].size
+        for metric, values in one.values.items():
+            for line in mine:
+                assert np.float32(line[metric]) == np.float32(values[int(line["instance"]), int(line["trial"])])
     first = rows[0]
     assert (first["table"], first["planner"], first["agents"], first["length_scale"]) == (
         "table4",
@@ -92,18 +96,18 @@ def test_every_mission_is_one_line_of_csv(table, lines):
     assert first["options"] == "paths=8 steps=5"
 
 
-def test_the_same_numbers_are_the_same_bytes(table, lines):
-    text = table_csv(table, lines)
+def test_the_same_numbers_are_the_same_bytes(table, results):
+    text = missions_csv(results.missions)
     assert compressed(text) == compressed(text) and gzip.decompress(compressed(text)).decode() == text
     assert compressed(text)[4:8] == bytes(4)  # no time of writing
 
 
-def test_the_figure_shows_every_number(table, lines):
-    figure = draw_table(table, lines)
-    for axes, part in zip(figure.axes, table.parts, strict=True):
-        shown = {round(float(x), 6) for line in axes.lines for x in np.asarray(line.get_xdata(), float)}
-        for line in (line for line in lines if line.part is part):
-            for budget, found in line.results.items():
-                assert round(float(found.values["own_trace"].mean()), 6) in shown
-                if line.row.paper in part.printed:
-                    assert round(part.printed[line.row.paper][budget].mean, 6) in shown
+def test_the_figure_shows_every_number(table, found, results):
+    figure, papers = draw_table(table, results.missions), {row.name: row.paper for row in table.rows}
+    for number, (axes, part) in enumerate(zip(figure.axes, table.parts, strict=True)):
+        shown = [float(x) for line in axes.lines for x in np.asarray(line.get_xdata(), float)]
+        for (which, row, budget), one in found.items():
+            if which == number:
+                assert min(abs(one.values["own_trace"].mean() - x) for x in shown) < 1e-5
+                if papers[row] in part.printed:
+                    assert part.printed[papers[row]][budget].mean in shown

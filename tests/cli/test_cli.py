@@ -1,5 +1,6 @@
 """The command line: what it prints, where, and with which exit code."""
 
+import csv
 import json
 import os
 import subprocess
@@ -43,6 +44,13 @@ def test_help_imports_nothing_heavy():
 
 def test_importing_maipp_imports_no_jax():
     code = "import sys, maipp; maipp.Scenario, maipp.make_planner, maipp.register; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_benchmarks_alone_wait_for_pandas():
+    """Nor do the processes that compute their cells."""
+    modules = "[module_of(name) for name in COMMANDS if name != 'benchmark']"
+    code = f"import sys, maipp.bench.cells; from maipp.cli.main import *; {modules}; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -188,9 +196,9 @@ def test_planners_lists_names_and_options(capsys):
 
 
 def test_evaluate_prints_a_row_for_each_planner(tmp_path, capsys):
-    path = tmp_path / "out.json"
+    path, every = tmp_path / "out.json", tmp_path / "out.csv"
     arguments = ["--planner", "random", "greedy", "--budget", "0.6", "--no-timing", "--json", str(path)]
-    assert main(["evaluate", *TINY, *arguments, "--set", "shared=no"]) == 0
+    assert main(["evaluate", *TINY, *arguments, "--csv", str(every), "--set", "shared=no"]) == 0
     captured = capsys.readouterr()
     rows = json.loads(path.read_text(encoding="utf-8"))["evaluations"]
     assert [row["planner"] for row in rows] == ["random", "greedy"]
@@ -199,7 +207,12 @@ def test_evaluate_prints_a_row_for_each_planner(tmp_path, capsys):
     assert [line[:2] for line in lines] == [["random", "0.6"], ["greedy", "0.6"]]
     for line, row in zip(lines, rows, strict=True):
         assert float(line[2]) == pytest.approx(row["summary"]["trace"]["mean"], rel=5e-3)
-    assert f"wrote {path}" in captured.err
+    assert f"wrote {path}" in captured.err and f"wrote {every}" in captured.err
+    told = list(csv.DictReader(every.open(encoding="utf-8")))
+    assert [line["planner"] for line in told] == ["random"] * 6 + ["greedy"] * 6 and told[6][
+        "options"
+    ] == "shared=false"
+    assert [float(line["trace"]) for line in told] == pytest.approx(np.ravel([row["values"]["trace"] for row in rows]))
 
 
 def test_evaluate_compares_in_pairs_by_shards_and_goes_on(tmp_path, monkeypatch, capsys):
@@ -267,6 +280,7 @@ def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys
         (["--planner", "greedy", "--set", "sharde=1"], "no option 'sharde' (did you mean shared?)"),
         (["--planner", "greedy", "--json", "nowhere/out.json"], "--json: no folder nowhere"),
         (["--planner", "greedy", "--json", os.curdir], "--json: . is a folder"),
+        (["--planner", "greedy", "--csv", "nowhere/out.csv"], "--csv: no folder nowhere"),
         (["--planner", "greedy", "--instances", "0"], "instances: 0"),
     ],
 )

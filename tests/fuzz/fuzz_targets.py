@@ -17,8 +17,7 @@ from fuzz_journals import JOURNAL_TARGETS
 from fuzz_lines import LINE_TARGETS
 from fuzz_surveys import SURVEY_TARGETS
 
-from maipp.bench.rows import PAPER
-from maipp.bench.tables import TableSpec, read_table
+from maipp.bench.tables import PAPER, TableSpec, read_table
 from maipp.engine.episode_io import read_episode, write_episode
 from maipp.fields.raster_io import load_raster
 from maipp.policy.network import PolicyNetwork

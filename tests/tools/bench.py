@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.bench.machine import machine, versions
+from maipp.bench.made_by import machine, versions
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from tests.tools.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower
@@ -90,9 +90,9 @@ def time_planner(name: str, scenario: Any, *, missions: int, repeat: int) -> Tim
     """The times of one planner on a scenario, compilation excluded."""
     import jax
 
-    from maipp.bench.latency import decision_time
-    from maipp.bench.rows import Row
+    from maipp.bench.tables import Row
     from maipp.engine import run_missions
+    from maipp.engine.decision_time import decision_time
 
     planner, batch = Row(name, name).drawn(scenario, instances=missions, seed=0)
     single = jax.tree.map(lambda array: array[:1], batch)

@@ -21,7 +21,7 @@ from matplotlib.cbook import get_sample_data
 from scipy.interpolate import RegularGridInterpolator
 
 from maipp.belief.fit import fit_kernel
-from maipp.bench.prior_worlds import prior_missions
+from maipp.bench.evaluate import prior_missions
 from maipp.engine import Mission, draw_missions, run_missions
 from maipp.engine.score import belief_of
 from maipp.engine.state import State

@@ -22,7 +22,6 @@ import tyro
 
 from maipp.bench.cells import CELLS, Cell, cells
 from maipp.bench.sweep.dealing import Where, run_sweep
-from maipp.bench.table_page import quick_sample
 from maipp.bench.tables import TABLES
 
 STARTS = "starts"  # file of all starts: the cell and the processes
@@ -85,7 +84,7 @@ class Kills:
 def wanted(flags: Kills) -> list[Cell]:
     """The cells of the table."""
     rows = [row for row in TABLES["table1"].chosen(flags.planners) if row.quick]
-    return list(cells(TABLES["table1"], rows, quick_sample(TABLES["table1"])))
+    return list(cells(TABLES["table1"], rows, TABLES["table1"].quick_sample))
 
 
 def sweep(flags: Kills) -> None:

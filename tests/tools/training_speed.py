@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import tyro
 
-from maipp.bench.machine import machine, versions
-from maipp.bench.page import made_on
+from maipp.bench.command import machines
+from maipp.bench.made_by import machine, versions
 from maipp.devices import missions_devices, use_all_cores
 from maipp.errors import InputError
 from maipp.markdown import markdown_table
@@ -115,7 +115,7 @@ def main(flags: TrainingSpeed) -> int:
         for phase in PHASES:
             speed = training_speed(config, phase, flags.repeat)
             print(f"| {phase} | {speed.sampling:.0f} | {speed.gradients:.0f} | {speed.peak_share:.0%} |", flush=True)
-        print(f"\n{made_on((machine(), versions()))}; a device's matrix product: {gemm_rate() / 1e9:.0f} GFLOP/s")
+        print(f"\n{machines((machine(), versions()))}; a device's matrix product: {gemm_rate() / 1e9:.0f} GFLOP/s")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

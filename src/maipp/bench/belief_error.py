@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from maipp.belief import Matern32, condition_near
-from maipp.bench.scaling import walks
 from maipp.engine import Mission, draw_missions
 from maipp.engine.observe import window_reach
 from maipp.engine.score import interest_of
@@ -21,6 +20,25 @@ INTERVALS = (0.2, 0.04)
 LENGTH_SCALES = (0.45, 0.25, 0.1)
 COUNTS = (1500, 5000)
 _AGENTS = 100
+# Standard deviation of the turn at each measurement, radians: about as crooked as the routes of the planners here.
+_TURN = 0.9
+
+
+def walks(rng: np.random.Generator, agents: int, count: int, interval: float) -> Float[np.ndarray, "m c 2"]:
+    """Measured positions of agents that set out together and wander over the unit square, `interval` apart (< 1).
+
+    Whoever heads out of the square lingers along its border, so measurements are denser there.
+    """
+    position = np.broadcast_to(rng.random(2), (agents, 2))
+    heading = rng.uniform(-np.pi, np.pi, agents)
+    visited = np.empty((agents, count, 2))
+    for i in range(count):
+        heading = heading + rng.normal(0.0, _TURN, agents)
+        # Straight on and mirrored at the borders: a step is less than the side, so nobody is mirrored twice.
+        ahead = position + interval * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        position = np.abs(np.where(ahead > 1, 2 - ahead, ahead))
+        visited[:, i] = position
+    return visited
 
 
 class BeliefError(NamedTuple):

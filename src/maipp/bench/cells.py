@@ -11,16 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from maipp.bench.evaluate import evaluate, refuse_values, scored
-from maipp.bench.fingerprint import code_digest, planner_fingerprint
-from maipp.bench.machine import machine, versions
-from maipp.bench.output import make_folder
-from maipp.bench.prior_worlds import prior_missions
-from maipp.bench.rows import Row
+from maipp.bench.evaluate import evaluate, prior_missions, refuse_values, scored
+from maipp.bench.made_by import machine, planner_fingerprint, versions
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
-from maipp.bench.tables import Part, Sample, TableSpec
+from maipp.bench.tables import Part, Row, Sample, TableSpec
 from maipp.errors import InputError
-from maipp.files import write_atomic
+from maipp.files import make_folder, write_atomic
 from maipp.planners import make_planner
 from maipp.planners.options import values_of
 from maipp.problem import Shape
@@ -39,11 +35,6 @@ class CellResult:
     wall_s: float
     machine: Mapping[str, Any]
     versions: Mapping[str, str]
-
-    def missions(self, metrics: Sequence[str]) -> Iterator[tuple[tuple[int, ...], list[Any]]]:
-        """Instance and trial of each mission, and what these metrics of it came to."""
-        columns = [self.values[metric] for metric in metrics]
-        return ((index, [column[index] for column in columns]) for index in np.ndindex(columns[0].shape))
 
 
 @dataclass(frozen=True)
@@ -91,7 +82,7 @@ class Cell:
             "seed": self.seed,
         }
         if self.worlds == "prior":
-            made_by |= {"worlds": "prior", "draws": code_digest((prior_missions.__module__,))}
+            made_by["worlds"] = "prior"
         return json.loads(json.dumps(made_by | planner_fingerprint(planner), default=repr))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -165,15 +156,6 @@ class Cell:
 Report = Callable[[Cell, int, int, bool], None]
 
 
-@dataclass(frozen=True)
-class Line:
-    """A row of one part of a table, with what its cells came to by column."""
-
-    row: Row
-    part: Part
-    results: dict[float, CellResult]  # by column; every column of the table
-
-
 def cell(table: TableSpec, part: Part, row: Row, column: float, sample: Sample) -> Cell:
     """The cell of a row in a column."""
     trials = min(sample.trials, row.trials or sample.trials)
@@ -225,15 +207,3 @@ def fill(
 
     run_sweep(missing, keep, where=where, begun=begun, note=note)
     return len(missing)
-
-
-def read(table: TableSpec, folder: Path, sample: Sample) -> list[Line]:
-    """The rows of a table of which the folder has every cell, made by the code and the weights of now."""
-    lines = []
-    for part in table.parts:
-        for row in table.rows:
-            found = {column: cell(table, part, row, column, sample).load(folder) for column in table.columns}
-            results = {column: result for column, result in found.items() if result is not None}
-            if len(results) == len(found):
-                lines.append(Line(row, part, results))
-    return lines

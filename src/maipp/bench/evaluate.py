@@ -4,9 +4,8 @@ import dataclasses
 import hashlib
 import json
 import math
-import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -15,17 +14,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from maipp.bench.fingerprint import planner_fingerprint
-from maipp.bench.latency import DecisionTime, decision_time
-from maipp.bench.machine import machine, versions
+from maipp.belief import Matern32
+from maipp.bench.made_by import machine, planner_fingerprint, versions
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
+from maipp.engine.decision_time import DecisionTime, decision_time
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
 from maipp.engine.rollout import lanes_at_most
 from maipp.engine.score import score_missions
 from maipp.errors import InputError
+from maipp.fields.gp_field import draw_fields
 from maipp.fields.raster import Raster, read_field
-from maipp.files import write_atomic
 from maipp.foresight import Foresight, ForesightName, make_foresight
 from maipp.foresight.map_scores import map_scores
 from maipp.planners.given import AnyPlanner, given_planner
@@ -41,8 +40,8 @@ _BLOCKS_PER_PART = 40
 
 # Mixed into the seed for the planner's randomness, so that it shares no key with the instances 0, 1, 2...
 _PLANNER_STREAM = 0xFFFFFFFF
-
-FORMAT = "maipp-evaluations"  # of the JSON
+# Mixed into the seed for the fields, so that they share no key with an instance, nor with the planner.
+_FIELD_STREAM = 0xFFFFFFFE
 
 Progress = Callable[[int, int], None]  # missions done, missions in all
 
@@ -209,23 +208,6 @@ def message_bytes(planner: Planner) -> int:
     return sum(array.size * array.dtype.itemsize for array in arrays)
 
 
-def save_evaluations(
-    evaluations: Sequence[Evaluation], path: str | os.PathLike[str], comparisons: Sequence[Mapping[str, Any]] = ()
-) -> None:
-    """Write the evaluations as JSON so that the file is either the whole new one or untouched.
-
-    Raises `InputError` where the file cannot be written.
-    """
-    write_atomic(path, to_json(evaluations, comparisons))
-
-
-def to_json(evaluations: Sequence[Evaluation], comparisons: Sequence[Mapping[str, Any]] = ()) -> str:
-    """The evaluations as JSON text, and comparisons of them (`Comparison.to_dict`) where there are any."""
-    document = {"format": FORMAT, "evaluations": [evaluation.to_dict() for evaluation in evaluations]}
-    document |= {"comparisons": [*comparisons]} if comparisons else {}
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
-
-
 def scored(
     planner: Planner,
     missions: Mission,
@@ -296,6 +278,22 @@ _OF_WORLDS = (
 @lru_cache(maxsize=9)  # without roadmaps, with them, and with their encodings, each for three numbers of trials
 def _draw_once(scenario: Scenario, **drawn: Any) -> Mission:
     return draw_missions(scenario, **drawn)
+
+
+def prior_missions(
+    scenario: Scenario, planner: Planner, seed: int, instances: int, trials: int, shape: Shape | None = None
+) -> Mission:
+    """A batch of `instances * trials` missions in worlds of the scenario's own prior, as where its kernel was fitted.
+
+    All but the ground truth is as `draw_missions` draws it: that is a draw of the Gaussian process that the scenario
+    describes. The instance fixes it, whatever the planner and the budget.
+    """
+    missions = draw_missions(scenario, seed=seed, instances=instances, trials=trials, planner=planner, shape=shape)
+    kernel = Matern32(scenario.length_scale, scenario.signal_variance)
+    drawn = draw_fields(jax.random.fold_in(jax.random.key(seed), _FIELD_STREAM), kernel, instances)
+    fields = jax.tree.map(lambda leaf: jnp.repeat(leaf, trials, axis=0), drawn)
+    truth = jax.jit(jax.vmap(lambda field, grid: field(grid)))(fields, missions.grid)
+    return dataclasses.replace(missions, field=fields, truth=truth)
 
 
 def check_counts(flag: str = "", **counts: int) -> None:

@@ -4,22 +4,26 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jax
+import numpy as np
+import pandas as pd
+from jax import lax
 
-from maipp.bench import page
+from maipp.bench.command import command, flags_of, footer, wall_time
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability, save_figure
 from maipp.bench.intents import KINDS, Stability, measure, sampled_paths, stability_table, verdicts
-from maipp.bench.machine import machine, versions
-from maipp.bench.output import compressed, make_folder
-from maipp.bench.rows import Row
-from maipp.bench.tables import TABLES
-from maipp.bench.trace_curves import curves_csv, trace_curve
-from maipp.engine import run_missions
+from maipp.bench.made_by import machine, versions
+from maipp.bench.tables import TABLES, Row
+from maipp.bench.tidy_csv import compressed, csv_text, short
+from maipp.engine import Mission, State, run_missions
 from maipp.engine.episode import Episode
-from maipp.files import write_atomic
+from maipp.engine.finite import instance_and_trial, refuse_non_finite
+from maipp.engine.observe import time_tolerance
+from maipp.engine.score import trace_over_time
+from maipp.files import make_folder, write_atomic
 from maipp.scenario import Scenario
+from maipp.typing import Array, Float
 from maipp.viz import save_overview
 
 SURVEY, INTENTS, CURVES, STABILITY = "survey.png", "intents.png", "curves.png", "stability.png"
@@ -53,13 +57,14 @@ def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list
     told("one decision's intents")
     sampled = sampled_paths(plan.scenario, paths=8, steps=5, decision=_DECISION, seed=plan.seed)
     save_figure(draw_intents(sampled, plan.scenario.extent), folder / INTENTS)
-    curves = []
+    parts = []
     for row in plan.rows:
         told(f"curve of {row.name}")
-        curves.append(trace_curve(row, plan.scenario, instances=plan.instances, seed=plan.seed))
+        parts.append(trace_curve(row, plan.scenario, instances=plan.instances, seed=plan.seed))
+    curves = pd.concat(parts)
     words = _words(plan)
     save_figure(draw_curves(curves, words), folder / CURVES)
-    write_atomic(folder / CURVES_CSV, compressed(curves_csv(curves)))
+    write_atomic(folder / CURVES_CSV, compressed(csv_text(curves, {"distance": short})))
     found = []
     for kind, lengths in KINDS.items():
         for length in lengths:
@@ -68,6 +73,29 @@ def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list
     save_figure(draw_stability(found, words), folder / STABILITY)
     write_atomic(folder / PAGE, figures_page(plan, found, out=folder.name, seconds=time.perf_counter() - begun))
     return [folder / name for name in (SURVEY, INTENTS, CURVES, CURVES_CSV, STABILITY, PAGE)]
+
+
+def trace_curve(row: Row, scenario: Scenario, *, instances: int, seed: int) -> pd.DataFrame:
+    """What a row leaves on the way, from its missions: one per instance.
+
+    Columns are row, planner and options (names), instance, distance (travelled by each agent, domain units) and trace,
+    Tr(P) of the pooled belief. All agents have speed 1 here, so the distance that an agent on its way has
+    travelled is the time.
+    """
+    planner, missions = row.drawn(scenario, instances=instances, seed=seed)
+    states = run_missions(planner, missions, jax.random.key(seed))
+    distance = np.arange(scenario.measurements_per_agent + 1) * scenario.measurement_interval
+    # Times are sums of float32 legs: each instant includes all of its own measurements.
+    traces = np.asarray(_traces(missions, states, distance + time_tolerance(np.asarray(scenario.speeds))), np.float64)
+    refuse_non_finite({"Tr(P)": traces}, instance_and_trial(1))
+    about = {"row": row.name, "planner": row.planner, "options": row.typed_options}
+    places = {"instance": np.repeat(np.arange(instances), len(distance)), "distance": np.tile(distance, instances)}
+    return pd.DataFrame(about | places | {"trace": traces.reshape(-1)})
+
+
+@jax.jit
+def _traces(missions: Mission, states: State, times: Float[Array, " d"]) -> Float[Array, "instances d"]:
+    return lax.map(lambda pair: trace_over_time(pair[0], pair[1], times), (missions, states))
 
 
 def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: float) -> str:
@@ -89,16 +117,13 @@ def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: f
         "The paper's claims, each confirmed or denied only where all the differences that it rests on are beyond "
         "chance (Wilcoxon's signed-rank test on the same instances, two-sided, 0.05):",
         verdicts(found),
-        page.code(page.command(["maipp", "benchmark", "figures", "--out", out], _flags(plan), _flags(Plan()))),
-        f"Made on {page.made_on((machine(), versions()))}.",
-        page.wall_time(seconds, "the figures"),
+        *footer(
+            command("figures", out, flags_of(plan, "budget"), flags_of(Plan(), "budget")),
+            [(machine(), versions())],
+            wall_time(seconds, "the figures"),
+        ),
     ]
     return "\n\n".join(blocks) + "\n"
-
-
-def _flags(plan: Plan) -> dict[str, Any]:
-    names = [row.name for row in plan.rows]
-    return {"instances": plan.instances, "seed": plan.seed, "budget": plan.scenario.budget, "planners": names}
 
 
 def _words(plan: Plan) -> str:

@@ -14,16 +14,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 
-from maipp.bench.page import mean_and_error, shown, three
-from maipp.bench.paired import Paired, paired
-from maipp.bench.rows import Row, known_rows
+from maipp.bench.evaluations import Paired, paired
+from maipp.bench.page import markdown, shown
+from maipp.bench.tables import Row, known_rows
 from maipp.engine import Mission, Planner, State, draw_missions, reset
 from maipp.engine.observe import turn
 from maipp.engine.rollout import run_recorded, step
 from maipp.engine.score import score_missions
 from maipp.errors import InputError
-from maipp.markdown import markdown_table
+from maipp.markdown import mean_and_error, three
 from maipp.planners import make_planner
 from maipp.planners.announced.announcement import Announcement
 from maipp.planners.intent import IntentPlanner
@@ -160,7 +161,7 @@ def stability_table(found: Sequence[Stability]) -> str:
         unit = "measurements" if one.kind == "SGA+RRT" else "nodes"
         kl, trace = (shown(values[np.isfinite(values[:, 0])]) for values in (one.divergence, one.trace))
         rows.append([f"{one.kind}, {one.length} {unit}", f"`{one.row.name}`", kl, three(one.median), trace])
-    return markdown_table(["paths", "row", "KL, mean", "KL, median", "Tr(P)"], rows, left=2)
+    return markdown(pd.DataFrame(rows, columns=["paths", "row", "KL, mean", "KL, median", "Tr(P)"]), left=2)
 
 
 def verdicts(found: Sequence[Stability]) -> str:

@@ -1,108 +1,163 @@
-"""How long one decision takes: missions stepped from the host, one at a time, compilation excluded."""
+"""`maipp benchmark latency`: how fast planners decide, one at a time on one core, and in batches on all devices."""
 
+import json
+import os
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
-import equinox as eqx
 import jax
 import numpy as np
+import pandas as pd
 
-from maipp.engine import Mission, Planner, State, reset
-from maipp.engine.advance import advance
-from maipp.engine.rollout import due_decision
-from maipp.engine.state import UNDER_WAY
-from maipp.typing import Float, Key
-
-
-class DecisionTime(NamedTuple):
-    """The time of single decisions at batch 1, in milliseconds."""
-
-    median: float
-    p95: float
-    decisions: int  # decisions timed
+from maipp.bench.command import command, flags_of, footer, wall_time
+from maipp.bench.made_by import machine, versions
+from maipp.bench.page import markdown
+from maipp.bench.tables import TABLES, Row
+from maipp.devices import missions_devices
+from maipp.engine import run_missions
+from maipp.engine.decision_time import decision_seconds
+from maipp.files import make_folder, write_atomic
+from maipp.markdown import three
+from maipp.scenario import Scenario
 
 
-def event_halves(planner: Planner) -> tuple[partial[Any], partial[Any]]:
-    """One event in two compiled halves: what the due agent computes, and what the engine does with it.
+@dataclass(frozen=True)
+class LatencyPlan:
+    """What to time."""
 
-    The first takes mission, state and key, the second mission and what the first gave. Planners of one kind with the
-    same options share both, whatever their numbers and weights.
+    scenario: Scenario = Scenario()
+    rows: tuple[Row, ...] = TABLES["table1"].chosen(())
+    decisions: int = 300  # at batch 1, at least
+    batch: int = 64  # missions
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Latency:
+    """The times of one row."""
+
+    row: str
+    median_ms: float  # of single decisions at batch 1 on one core
+    p95_ms: float
+    p99_ms: float
+    decisions: int  # that these are of
+    compile_s: float  # the first decision at batch 1, less the median
+    batch: int  # missions run together
+    batch_compile_s: float  # the first run of the batch, less the second
+    per_second: float  # decisions a second in the batch, on all devices
+    devices: int
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keep all threads of this process on the first core it may use, where the system can, until the block ends."""
+    tasks = Path("/proc/self/task")
+    if not (hasattr(os, "sched_setaffinity") and tasks.is_dir()):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+
+    def pin(cores: set[int]) -> None:
+        for task in tasks.iterdir():
+            with suppress(OSError):  # the thread has ended meanwhile
+                os.sched_setaffinity(int(task.name), cores)
+
+    pin({min(before)})
+    try:
+        yield
+    finally:
+        pin(before)
+
+
+def measure_latency(row: Row, scenario: Scenario, *, decisions: int, batch: int, seed: int) -> Latency:
+    """Time a row: at least `decisions` single decisions, and a batch of missions."""
+    planner, missions = row.drawn(scenario, instances=batch, seed=seed)
+    key = jax.random.key(seed)
+    with one_core():
+        first, seconds = decision_seconds(planner, missions, key, least=decisions)
+
+    def run() -> tuple[float, int]:
+        """Seconds that the batch takes, and its decisions."""
+        begun = time.perf_counter()
+        taken = int(np.asarray(run_missions(planner, missions, key).events).sum())
+        return time.perf_counter() - begun, taken
+
+    (cold, _), (warm, taken) = run(), run()
+    median, p95, p99 = (float(np.percentile(seconds, q)) for q in (50, 95, 99))
+    return Latency(
+        row=row.name,
+        median_ms=1e3 * median,
+        p95_ms=1e3 * p95,
+        p99_ms=1e3 * p99,
+        decisions=len(seconds),
+        compile_s=max(first - median, 0.0),
+        batch=batch,
+        batch_compile_s=max(cold - warm, 0.0),
+        per_second=taken / warm,
+        devices=min(len(missions_devices()), batch),
+    )
+
+
+_COLUMNS = {
+    "row": "`{row}`",
+    "median, ms": "{median_ms}",
+    "p95, ms": "{p95_ms}",
+    "p99, ms": "{p99_ms}",
+    "compile, s": "{compile_s}",
+    "decisions/s in a batch": "{per_second:,.0f}",
+    "compile of the batch, s": "{batch_compile_s}",
+}
+
+
+def latency_table(found: Sequence[Latency]) -> str:
+    """Markdown: a line per row."""
+    frame = pd.DataFrame(found)
+    times = {name: frame[name].map(three) for name in frame if str(name).endswith(("_ms", "_s"))}
+    return markdown(frame.assign(**times), _COLUMNS)
+
+
+_ALL = "all of it; the times above do not regenerate to the last digit"
+
+
+def write_latency(plan: LatencyPlan, folder: Path, told: Callable[[str], None] = lambda _: None) -> list[Path]:
+    """Time every row, and write latency.json and latency.md after each, so that an interrupt keeps what is done.
+
+    Raises `InputError` where a file cannot be written.
     """
-    leaves, structure = jax.tree.flatten(planner)
-    arrays = [leaf if eqx.is_array(leaf) else None for leaf in leaves]
-    static = structure, tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-    return partial(_decide, static, arrays), partial(_proceed, static, arrays)
+    begun = time.perf_counter()
+    make_folder(folder)
+    here = machine(), versions()
+    about = {"scenario": plan.scenario.to_dict(), "seed": plan.seed, "machine": here[0], "versions": here[1]}
+    found, paths = [], [folder / "latency.json", folder / "latency.md"]
+    for row in plan.rows:
+        told(f"timing {row.name}")
+        size, seed = plan.decisions, plan.seed
+        found.append(measure_latency(row, plan.scenario, decisions=size, batch=plan.batch, seed=seed))
+        document = {"format": "maipp-latency", **about, "rows": [asdict(one) for one in found]}
+        write_atomic(paths[0], json.dumps(document, indent=1) + "\n")
+        seconds = time.perf_counter() - begun
+        blocks = [
+            _notes(plan),
+            latency_table(found),
+            *footer(typed(plan, plan.rows[: len(found)], folder.name), [here], wall_time(seconds, _ALL)),
+        ]
+        write_atomic(paths[1], "\n\n".join(blocks) + "\n")
+    return paths
 
 
-def _joined(static: tuple[Any, tuple[Any, ...]], arrays: list[Any]) -> Planner:
-    """The planner that `event_halves` took apart."""
-    structure, others = static
-    return jax.tree.unflatten(structure, [b if a is None else a for a, b in zip(arrays, others, strict=True)])
+def typed(plan: LatencyPlan, rows: Sequence[Row], out: str) -> str:
+    """The command that times these rows."""
+    given, usual = (flags_of(each, "agents", "budget") for each in (replace(plan, rows=tuple(rows)), LatencyPlan()))
+    return command("latency", out, given, usual)
 
 
-@partial(jax.jit, static_argnums=0)
-def _decide(static: Any, arrays: list[Any], *inputs: Any) -> Any:
-    return due_decision(_joined(static, arrays), *inputs)
-
-
-@partial(jax.jit, static_argnums=0)
-def _proceed(static: Any, arrays: list[Any], *inputs: Any) -> Any:
-    return advance(_joined(static, arrays), *inputs)
-
-
-def compiled_anew(half: partial[Any], *inputs: Any) -> tuple[Any, Callable[..., Any]]:
-    """A half compiled for such inputs, whatever has been compiled before: the program, and the half that runs it."""
-    static, arrays = half.args
-    program = jax.jit(partial(half.func.__wrapped__, static)).lower(arrays, *inputs).compile()
-    return program, partial(program, arrays)
-
-
-def _goes_on(state: State) -> bool:
-    """Whether there is a decision left; asked on the host, where it leaves the caches to what is timed."""
-    status, full = np.asarray(state.status), np.asarray(state.full)
-    return bool(np.isin(status, UNDER_WAY).any() and not full.any())
-
-
-def timed_decisions(
-    halves: tuple[Callable[..., Any], Callable[..., Any]],
-    mission: Mission,
-    state: State,
-    key: Key,
-    clock: Callable[[], float] = time.perf_counter,
-) -> Iterator[float]:
-    """Seconds of each decision of a mission from a state on, from observing to the waypoints."""
-    decide, proceed = halves
-    while _goes_on(state):
-        jax.block_until_ready(state)
-        begun = clock()
-        decided = jax.block_until_ready(decide(mission, state, key))
-        yield clock() - begun
-        state = proceed(mission, *decided)
-
-
-def decision_seconds(
-    planner: Planner, missions: Mission, key: Key, *, least: int = 50
-) -> tuple[float, Float[np.ndarray, " decisions"]]:
-    """Wall time of the very first decision, compilation included, and of every decision after compiling; seconds.
-
-    Missions are taken until `least` decisions are timed, at least one and at most the whole batch.
-    """
-    halves = event_halves(planner.on(jax.tree.map(lambda array: array[0], missions.problem)))
-    first, seconds = 0.0, []
-    for i in range(missions.start.shape[0]):
-        mission = jax.tree.map(lambda array, i=i: array[i], missions)
-        begin = mission, reset(planner, mission), jax.random.fold_in(key, i)
-        first = first or next(timed_decisions(halves, *begin), 0.0)
-        seconds += timed_decisions(halves, *begin)
-        if len(seconds) >= least:
-            break
-    return first, np.asarray(seconds)
-
-
-def decision_time(planner: Planner, missions: Mission, key: Key, *, least: int = 50) -> DecisionTime:
-    """Median and 95th percentile of `decision_seconds`, in milliseconds."""
-    milliseconds = 1e3 * decision_seconds(planner, missions, key, least=least)[1]
-    median, p95 = (float(np.percentile(milliseconds, q)) for q in (50, 95))
-    return DecisionTime(median, p95, len(milliseconds))
+def _notes(plan: LatencyPlan) -> str:
+    scenario = plan.scenario
+    return (
+        f"{scenario.agents} agents, budget {scenario.budget:g}. Median, p95 and p99: single decisions from observing "
+        f"to the waypoints, one after the other on one core, at least {plan.decisions} of them, compilation apart. "
+        f"Batch: {plan.batch} missions from start to end on all devices."
+    )

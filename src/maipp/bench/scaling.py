@@ -1,44 +1,40 @@
-"""How the time and the memory of one decision grow with the survey: agents, measurements, grid, nodes."""
+"""How the time and the memory of one decision grow with the survey: agents, measurements, grid, nodes.
+
+`maipp benchmark scaling` leaves what is measured here, and the belief's error (`belief_error`), as a JSON file with
+everything, two CSV files, a page of tables, and a figure.
+"""
 
 import dataclasses
 import itertools
+import json
+import math
 import statistics
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 
-from maipp.bench.latency import compiled_anew, event_halves, timed_decisions
+from maipp.bench.belief_error import BeliefError, walks
+from maipp.bench.command import machines
+from maipp.bench.drawings import draw_scaling, save_figure
+from maipp.bench.frame import grouped
+from maipp.bench.made_by import machine, versions
+from maipp.bench.page import markdown
+from maipp.bench.tidy_csv import csv_text
 from maipp.engine import Mission, Planner, State, draw_missions, reset
+from maipp.engine.decision_time import compiled_anew, event_halves, timed_decisions
+from maipp.errors import InputError
+from maipp.files import write_atomic
 from maipp.planners import make_planner
 from maipp.problem import params_of, shape_of
 from maipp.scenario import Scenario
-from maipp.typing import Float
-
-# Standard deviation of the turn at each measurement, radians: about as crooked as the routes of the planners here.
-_TURN = 0.9
-
-
-def walks(rng: np.random.Generator, agents: int, count: int, interval: float) -> Float[np.ndarray, "m c 2"]:
-    """Measured positions of agents that set out together and wander over the unit square, `interval` apart (< 1).
-
-    Whoever heads out of the square lingers along its border, so measurements are denser there.
-    """
-    position = np.broadcast_to(rng.random(2), (agents, 2))
-    heading = rng.uniform(-np.pi, np.pi, agents)
-    visited = np.empty((agents, count, 2))
-    for i in range(count):
-        heading = heading + rng.normal(0.0, _TURN, agents)
-        # Straight on and mirrored at the borders: a step is less than the side, so nobody is mirrored twice.
-        ahead = position + interval * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-        position = np.abs(np.where(ahead > 1, 2 - ahead, ahead))
-        visited[:, i] = position
-    return visited
 
 
 def under_way(scenario: Scenario, planner: Planner, *, seed: int, count: int) -> tuple[Mission, State]:
@@ -215,14 +211,137 @@ class Growth(NamedTuple):
 
 def growth(costs: Sequence[Cost]) -> list[Growth]:
     """Exponents fitted by least squares to the logarithms, for each planner and axis with two sizes or more."""
-    found = []
-    for name, axis in itertools.product(dict.fromkeys(c.planner for c in costs), dict.fromkeys(c.axis for c in costs)):
-        line = [c for c in costs if (c.planner, c.axis) == (name, axis) and axis in AXES]
-        numbers = sorted((getattr(c, axis), c.decision_ms, c.memory_mb) for c in line)
-        if len({size for size, *_ in numbers}) > 1:
-            size, duration, memory = np.log(numbers).T
-            end = (duration[-1] - duration[-2]) / (size[-1] - size[-2])
-            slopes = (np.polyfit(size, values, 1)[0] for values in (duration, memory))
-            time_slope, memory_slope = map(float, slopes)
-            found.append(Growth(name, axis, time_slope, float(end), memory_slope))
+    frame, found = pd.DataFrame(costs, columns=Cost._fields), []
+    for name, own in grouped(frame, "planner"):
+        for axis, line in grouped(own, "axis"):
+            if axis in AXES and len({*line[axis]}) > 1:
+                numbers = line.sort_values(by=axis, kind="stable")
+                size, duration, memory = (np.log(numbers[key].to_numpy()) for key in (axis, "decision_ms", "memory_mb"))
+                end = (duration[-1] - duration[-2]) / (size[-1] - size[-2])
+                whole, held = (np.polyfit(size, values, 1)[0] for values in (duration, memory))
+                found.append(Growth(name, axis, float(whole), float(end), float(held)))
     return found
+
+
+class Results(NamedTuple):
+    """What has been measured, and with which settings."""
+
+    settings: dict[str, Any]
+    costs: list[Cost]
+    errors: list[BeliefError]
+
+
+def write_json(results: Results, folder: Path) -> None:
+    """Write all results so far to `scaling.json`; JSON has no NaN, which becomes null."""
+    content = {
+        "settings": results.settings,
+        "versions": versions(),
+        "machine": machine(),
+        "costs": [cost._asdict() for cost in results.costs],
+        "growth": [line._asdict() for line in growth(results.costs)],
+        "errors": [_replaced(error._asdict(), math.isnan, None) for error in results.errors],
+    }
+    write_atomic(folder / "scaling.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def read_json(folder: Path, settings: dict[str, Any]) -> Results:
+    """The results that `folder` holds of a run with the same settings, versions and machine; else none.
+
+    Raises `InputError` for a file that is no such record.
+    """
+    path = folder / "scaling.json"
+    none = Results(settings, [], [])
+    if not path.exists():
+        return none
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        here = (settings, versions(), machine())
+        if tuple(content[key] for key in ("settings", "versions", "machine")) != here:
+            return none
+        costs = [Cost(**row) for row in content["costs"]]
+        errors = [BeliefError(**_replaced(row, lambda value: value is None, math.nan)) for row in content["errors"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: not a record of this benchmark ({error}); remove it, or give another --out"
+        ) from None
+    return Results(settings, costs, errors)
+
+
+def _replaced(row: dict[str, Any], which: Callable[[Any], bool], by: Any) -> dict[str, Any]:
+    return {key: by if which(value) else value for key, value in row.items()}
+
+
+def add_missing(
+    kept: list[Any], wanted: Iterable[tuple], measure: Callable[..., Any], told: Callable[[Any], None]
+) -> None:
+    """Measure at all points of which nothing is kept yet, and keep what comes; `told` hears of each when it is kept."""
+    there = {one.point for one in kept}
+    for point in wanted:
+        if point not in there:
+            kept.append(measure(*point))
+            told(kept[-1])
+
+
+def write_report(results: Results, folder: Path) -> list[Path]:
+    """Write tables and figure of finished results; gives the paths written."""
+    written = [folder / name for name in ("scaling.json", "scaling.csv", "errors.csv", "scaling.md", "scaling.png")]
+    costs = pd.DataFrame(results.costs, columns=Cost._fields)
+    write_json(results, folder)
+    write_atomic(written[1], csv_text(costs))
+    write_atomic(written[2], csv_text(pd.DataFrame(results.errors, columns=BeliefError._fields)))
+    write_atomic(written[3], to_markdown(results))
+    save_figure(draw_scaling(costs), written[4])
+    return written
+
+
+_GROWTHS = {
+    "planner": "`{planner}`",
+    "axis": "{axis}",
+    "time": "{time:.2f}",
+    "time, last two sizes": "{time_end:.2f}",
+    "memory": "{memory:.2f}",
+}
+_COSTS = {
+    "planner": "`{planner}`",
+    "varied": "{axis}",
+    **{name: f"{{{name}}}" for name in BASE},
+    "ms": "{decision_ms:.1f}",
+    "p95": "{p95_ms:.1f}",
+    "compile s": "{compile_s:.1f}",
+    "MB": "{memory_mb:.1f}",
+    "state MB": "{state_mb:.1f}",
+}
+_ERRORS = {
+    "measurements": "{measurements:g}",
+    "interval": "{interval:g}",
+    "length scale": "{length_scale:g}",
+    "surveys": "{surveys:g}",
+    "Tr(P)": "{trace:.4g}",
+    "error": "{error:.3f} %",
+    "se": "{error_se:.3f} %",
+    "worst": "{error_worst:.3f} %",
+    "mean": "{mean_worst:.2g}",
+    "variance": "{variance_worst:.2g}",
+}
+
+
+def to_markdown(results: Results) -> str:
+    """The tables: exponents, the largest size, every point, and the errors of the belief."""
+    parts = [
+        "# Scaling",
+        f"{machines((machine(), versions()))}. Times are processor time of one decision (hear, observe, decide), "
+        "medians; memory is what the compiled decision needs at its peak.",
+        "Cost goes as the size to the power of:",
+        markdown(pd.DataFrame(growth(results.costs), columns=Growth._fields), _GROWTHS),
+        "Every size:",
+        markdown(pd.DataFrame(results.costs, columns=Cost._fields), _COSTS),
+    ]
+    if results.errors:
+        errors = pd.DataFrame(results.errors, columns=BeliefError._fields)
+        percent = {name: 100 * errors[name] for name in ("error", "error_se", "error_worst")}
+        parts += [
+            "Error of the belief against the exact one in float64 (se: over surveys; worst: of any survey; mean and "
+            "variance: the worst of any survey and grid point):",
+            markdown(errors.assign(**percent), _ERRORS),
+        ]
+    return "\n\n".join(parts) + "\n"

@@ -6,23 +6,22 @@ a place then is its length scale and its aspect ratio: this table has what the p
 
 import itertools
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
 import tyro
 
-from maipp.bench.cells import Cell, Line, cells, fill, read
+from maipp.bench.cells import Cell, cells, fill
+from maipp.bench.command import made_on
 from maipp.bench.evaluate import check_counts
-from maipp.bench.output import csv_text
-from maipp.bench.page import shown
-from maipp.bench.rows import Row
-from maipp.bench.table_page import made_on
-from maipp.bench.tables import WORLDS, Part, Sample, TableSpec
+from maipp.bench.frame import Results, grids, grouped, metrics_of, read, wide
+from maipp.bench.page import markdown, shown
+from maipp.bench.tables import WORLDS, Part, Row, Sample, TableSpec
+from maipp.bench.tidy_csv import csv_text, short
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from maipp.files import write_atomic
-from maipp.markdown import markdown_table
 from maipp.planners import planner_options
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -83,23 +82,24 @@ def spec(flags: Standardised, base: Scenario | None = None) -> TableSpec:
     return TableSpec("standardised", "", rows, parts, flags.budgets, worlds=flags.worlds)
 
 
-def table(spec: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
+def table(spec: TableSpec, results: Results, sample: Sample) -> str:
     """Markdown: for each budget a table of Tr(P), its standard error, and what it is of the initial trace."""
     blocks = []
-    for budget in spec.columns:
-        rows: dict[tuple[str, str], dict[str, str]] = {}
-        for line in lines:
-            values, initial = line.results[budget].values["trace"], initial_trace(line.part.scenario)
-            entry = shown(values) + (f" ({values.mean() / initial:.2%})" if initial else "")
-            rows.setdefault(_where(line.part.scenario), {})[line.row.name] = entry
-        heading = ["aspect ratio", "length scale", *(f"`{row.name}`" for row in spec.rows)]
-        cells = ([*where, *(row.get(each.name, "") for each in spec.rows)] for where, row in rows.items())
-        blocks.append(f"B = {budget:g}:\n\n{markdown_table(heading, cells, left=0)}")
-    scenario = lines[0].part.scenario
+    for budget, frame in grouped(results.missions, "column"):
+        entries = {}
+        for (number, row), values in grids(frame, "trace", ("part", "row")).items():
+            scenario = spec.parts[number].scenario
+            initial = initial_trace(scenario)
+            share = f" ({values.mean() / initial:.2%})" if initial else ""
+            entries[*_where(scenario), row] = shown(values) + share
+        page = wide(entries).reindex(columns=[row.name for row in spec.rows], fill_value="")
+        page = page.rename(columns="`{}`".format).rename_axis(["aspect ratio", "length scale"]).reset_index()
+        blocks.append(f"B = {budget:g}:\n\n{markdown(page, left=0)}")
+    scenario = spec.parts[results.missions.index[0][0]].scenario
     blocks.append(
         f"Tr(P), mean ± standard error over {sample.instances} worlds x {sample.trials}, seed {sample.seed}; in "
         f"brackets what it is of the initial trace, {initial_trace(scenario):g}. {scenario.agents} agents, threshold "
-        f"{scenario.threshold:g} prior standard deviations. {made_on(lines)}"
+        f"{scenario.threshold:g} prior standard deviations. {made_on(*results.made)}"
     )
     return "\n\n".join(blocks)
 
@@ -116,18 +116,14 @@ def initial_trace(scenario: Scenario) -> float:
     return scenario.grid_points * scenario.signal_variance if scenario.beta * width >= scenario.threshold else 0.0
 
 
-def tidy(lines: Sequence[Line], worlds: str) -> str:
+def tidy(spec: TableSpec, frame: pd.DataFrame) -> str:
     """CSV: a line for each world and trial, with every metric."""
-    metrics = list(next(iter(lines[0].results.values())).values)
-    return csv_text(
-        ("worlds", "aspect", "length_scale", "budget", "planner", "instance", "trial", *metrics),
-        (
-            (worlds, *_where(line.part.scenario), f"{budget:g}", line.row.name, *at, *(f"{value:.6g}" for value in row))
-            for line in lines
-            for budget, result in line.results.items()
-            for at, row in result.missions(metrics)
-        ),
-    )
+    metrics = metrics_of(frame)
+    aspects = [_where(spec.parts[number].scenario)[0] for number in frame.index.get_level_values("part")]
+    names = ["worlds", "aspect", "length_scale", "budget", "planner", "instance", "trial", *metrics]
+    formats = dict.fromkeys(("length_scale", "budget"), short) | dict.fromkeys(metrics, "{:.6g}".format)
+    whole = frame.assign(worlds=spec.worlds, aspect=aspects, planner=frame["row"])
+    return csv_text(whole.reindex(columns=names), formats)
 
 
 def main(flags: Standardised, base: Scenario | None = None) -> int:
@@ -142,9 +138,9 @@ def main(flags: Standardised, base: Scenario | None = None) -> int:
     try:
         filled = spec(flags, base)
         fill(list(cells(filled, filled.rows, sample)), flags.out, report)
-        lines = read(filled, flags.out, sample)
-        write_atomic(flags.out / "standardised.md", table(filled, lines, sample) + "\n")
-        write_atomic(flags.out / "standardised.csv", tidy(lines, flags.worlds))
+        results = read(filled, flags.out, sample)
+        write_atomic(flags.out / "standardised.md", table(filled, results, sample) + "\n")
+        write_atomic(flags.out / "standardised.csv", tidy(filled, results.missions))
         print(f"wrote {flags.out / 'standardised.md'} and standardised.csv", file=sys.stderr)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -1,19 +1,52 @@
-"""A table as Markdown: the paper's numbers beside ours, paired tests, and what made them."""
+"""The files that a table leaves: Markdown, whole and brief, with paired tests and what made it; CSV; a figure."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
-from maipp.bench import page
-from maipp.bench.cells import CellResult, Line
+import numpy as np
+import pandas as pd
+
+from maipp.bench.command import code, command, device_time, footer, made_on
+from maipp.bench.drawings import draw_table, save_figure
 from maipp.bench.evaluate import summarise
-from maipp.bench.page import METRICS
-from maipp.bench.paired import paired
+from maipp.bench.evaluations import Paired, paired
+from maipp.bench.frame import Results, grids, grouped, read, wide
+from maipp.bench.page import METRICS, markdown, shown
 from maipp.bench.tables import Part, Sample, TableSpec, best
-from maipp.markdown import markdown_table
+from maipp.bench.tidy_csv import compressed, missions_csv
+from maipp.errors import InputError
+from maipp.files import write_atomic
+from maipp.markdown import mean_and_error
+from maipp.typing import Float
+
+BRIEF = "brief"  # folder of the short forms, for pages that have more to say than results
+
+
+def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) -> list[Path]:
+    """Write NAME.csv.gz, NAME.png, NAME.md and brief/NAME.md of all rows that the folder has every cell of.
+
+    Gives their paths.
+    Raises `InputError` where there is no such row, or a file cannot be written.
+    """
+    results = read(table, folder, sample)
+    if not results.made:
+        raise InputError(
+            f"{folder}: no row of {table.name} has all its cells yet; run `maipp benchmark {table.typed or table.name}`"
+        )
+    csv, figure, page = (folder / f"{table.name}{suffix}" for suffix in (".csv.gz", ".png", ".md"))
+    write_atomic(csv, compressed(missions_csv(results.missions)))
+    save_figure(draw_table(table, results.missions), figure)
+    text = table_page(table, results, sample, out=folder.name, reference=reference, files=(figure.name, csv.name))
+    write_atomic(page, text)
+    brief = folder / BRIEF / f"{table.name}.md"
+    brief.parent.mkdir(exist_ok=True)
+    write_atomic(brief, brief_page(table, results, sample, out=folder.name))
+    return [csv, figure, page, brief]
 
 
 def table_page(
-    table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: str, reference: str, files: Sequence[str] = ()
+    table: TableSpec, results: Results, sample: Sample, *, out: str, reference: str, files: Sequence[str] = ()
 ) -> str:
     """The whole page below its heading: one table per part and metric, paired tests, command, versions, wall time.
 
@@ -21,114 +54,99 @@ def table_page(
     beside the page.
     """
     blocks = [f"{table.title}."]
-    for part, there in _parts(table, lines):
-        blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", _main(table, there, sample), _half(table, there)]
-        blocks += _compared(table, part, there, reference)
+    for number, frame in grouped(results.missions, "part"):
+        part = table.parts[number]
+        blocks += [_heading(table.metric, part), _main(table, part, frame, sample), _half(table, part, frame)]
+        blocks += _compared(table, part, frame, reference)
         for metric in table.beside:
-            cell = _mean(metric)
-            blocks += [f"{METRICS[metric]}, {_missions(part)}:", _by_column(table, there, "row", _name, cell)]
-    blocks.append(_notes(table, lines, sample))
+            blocks += [_heading(metric, part), _by_column(table, _means(frame, metric))]
+    blocks.append(_notes(table, results, sample))
     blocks += [f"![{table.title}]({name})" for name in files if name.endswith(".png")]
     blocks += [f"Every instance and trial: [{name}]({name})." for name in files if name.endswith(".csv.gz")]
-    seconds = sum(result.wall_s * result.machine["devices"] for result in _results(lines))
-    blocks.append(page.code(command(table, lines, sample, out, reference)))
-    blocks += [made_on(lines), page.device_time(seconds, "the cells above")]
+    time = device_time(results.seconds, "the cells above")
+    blocks += footer(_command(table, results, sample, out, reference), results.made, time)
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def brief_page(table: TableSpec, lines: Sequence[Line], sample: Sample, *, out: str) -> str:
+def brief_page(table: TableSpec, results: Results, sample: Sample, *, out: str) -> str:
     """The short form: every row's number at every budget, how many missions they come from, and the command."""
-    blocks = []
-    for part, there in _parts(table, lines):
-        numbers = _by_column(
-            table, there, "planner", lambda line: _named(line, line.row.label, sample), _mean(table.metric)
-        )
-        blocks += [f"{METRICS[table.metric]}, {_missions(part)}:", numbers]
+    labels, blocks = {row.name: row.label for row in table.rows}, []
+    for number, frame in grouped(results.missions, "part"):
+        names = {row: labels[row] + _fewer(trials, sample) for row, trials in _trials(frame).items()}
+        numbers = _by_column(table, _means(frame, table.metric), "planner", names.__getitem__)
+        blocks += [_heading(table.metric, table.parts[number]), numbers]
     trials = f"{sample.trials} trial{'s' * (sample.trials > 1)}"
     blocks.append(
         f"Mean ± standard error over {sample.instances} instances of {trials} each, seed {sample.seed}, unless said; "
-        f"lower is better. {made_on(lines)}"
+        f"lower is better. {made_on(*results.made)}"
     )
-    blocks.append(page.code(command(table, lines, sample, out, table.reference)))
+    blocks.append(code(_command(table, results, sample, out, table.reference)))
     return "\n\n".join(blocks) + "\n"
 
 
-def quick_sample(table: TableSpec) -> Sample:
-    """How many missions each cell has in a quick look."""
-    return table.sample._replace(trials=1)
-
-
-def command(table: TableSpec, lines: Sequence[Line], sample: Sample, out: str, reference: str) -> str:
-    """The command that fills the table with these lines."""
-    quick = sample[:2] == quick_sample(table)[:2] != table.sample[:2]
-    flags = {"quick": quick, **sample._asdict(), "planners": list(dict.fromkeys(line.row.name for line in lines))}
-    usual = {"quick": False, **(quick_sample(table) if quick else table.sample)._asdict(), "reference": table.reference}
+def _command(table: TableSpec, results: Results, sample: Sample, out: str, reference: str) -> str:
+    """The command that fills the table with these rows."""
+    quick = sample[:2] == table.quick_sample[:2] != table.sample[:2]
+    flags = {"quick": quick, **sample._asdict(), "planners": [*results.missions["row"].unique()]}
+    usual = {"quick": False, **(table.quick_sample if quick else table.sample)._asdict(), "reference": table.reference}
     usual["planners"] = [row.name for row in table.chosen(()) if row.quick or not quick]
-    return page.command(
-        ["maipp", "benchmark", table.typed or table.name, "--out", out], flags | {"reference": reference}, usual
-    )
-
-
-def _parts(table: TableSpec, lines: Sequence[Line]) -> Iterable[tuple[Part, list[Line]]]:
-    """The parts of which there are lines, with these."""
-    every = ((part, [line for line in lines if line.part is part]) for part in table.parts)
-    return ((part, there) for part, there in every if there)
+    return command(table.typed or table.name, out, flags | {"reference": reference}, usual)
 
 
 def _by_column(
     table: TableSpec,
-    lines: Iterable[Line],
-    what: str,
-    name: Callable[[Line], str],
-    cell: Callable[[Line, float], str],
+    cells: Mapping[tuple[str, float], str],
+    what: str = "row",
+    name: Callable[[str], str] = lambda row: f"`{row}`",
 ) -> str:
     """A line for each row, and its columns."""
-    rows = [[name(line), *(cell(line, column) for column in table.columns)] for line in lines]
-    return markdown_table([what, *map(table.heading, table.columns)], rows)
+    page = wide(cells)
+    page.columns = [table.heading(column) for column in page.columns]
+    page.insert(0, what, [name(row) for row in page.index])
+    return markdown(page)
 
 
-def _mean(metric: str) -> Callable[[Line, float], str]:
-    """What a cell has of a metric."""
-    return lambda line, column: page.shown(line.results[column].values[metric])
+def _means(frame: pd.DataFrame, metric: str) -> dict[tuple[str, float], str]:
+    """What each cell has of a metric."""
+    return {cell: shown(values) for cell, values in grids(frame, metric).items()}
 
 
-def _main(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
+def _main(table: TableSpec, part: Part, frame: pd.DataFrame, sample: Sample) -> str:
     """The paper's number and ours, column by column."""
-    beside = bool(lines[0].part.printed)  # there are numbers of the paper
+    beside = bool(part.printed)  # there are numbers of the paper
     heading = ["row", "planner and options", *["in the paper"] * beside]
     for column in table.columns:
         heading += [*[f"{table.heading(column)}, paper"] * beside, table.heading(column)]
-    rows = []
-    for line in lines:
-        printed = line.part.printed.get(line.row.paper or "", {})
-        label = "" if line.row.label == f"`{line.row.name}`" else line.row.label
-        row = [_name(line, sample), label, *[line.row.paper if printed and line.row.paper else ""] * beside]
+    rows, lines = {row.name: row for row in table.rows}, []
+    values = grids(frame, table.metric)
+    for name, trials in _trials(frame).items():
+        row, printed = rows[name], part.printed.get(rows[name].paper or "", {})
+        label = "" if row.label == f"`{name}`" else row.label
+        line = [f"`{name}`{_fewer(trials, sample)}", label, *[row.paper if printed and row.paper else ""] * beside]
         for column in table.columns:
             if beside:
-                row.append(f"{printed[column].mean:.2f} ({printed[column].std:.2f})" if column in printed else "")
-            values = line.results[column].values[table.metric]
-            std = summarise(values).std
-            row.append(page.shown(values) + ("" if std is None else f" ({f'{std:#.2g}'.rstrip('.')})"))
-        rows.append(row)
-    return markdown_table(heading, rows, left=2 + beside)
+                line.append(f"{printed[column].mean:.2f} ({printed[column].std:.2f})" if column in printed else "")
+            line.append(_with_deviation(values[name, column]))
+        lines.append(line)
+    return markdown(pd.DataFrame(lines, columns=heading), left=2 + beside)
 
 
-def _half(table: TableSpec, lines: Sequence[Line]) -> str:
+def _with_deviation(values: Float[np.ndarray, "instances trials"]) -> str:
+    """Mean and standard error over instances, and the paper's standard deviation."""
+    std = summarise(values).std
+    return shown(values) + ("" if std is None else f" ({f'{std:#.2g}'.rstrip('.')})")
+
+
+def _half(table: TableSpec, part: Part, frame: pd.DataFrame) -> str:
     """Which rows are as good as the paper's best one, and which leave at most half of that."""
-    if not lines[0].part.printed:
+    if not part.printed:
         return ""
-    lowest = [best(lines[0].part.printed, column) for column in table.columns]
+    lowest = np.array([best(part.printed, column) for column in table.columns])
+    means = wide({cell: summarise(values).mean for cell, values in grids(frame, table.metric).items()})
 
     def within(share: float) -> str:
         """The rows at or below this share of the paper's best in every cell."""
-        good = [
-            line.row.name
-            for line in lines
-            if all(
-                summarise(line.results[column].values[table.metric]).mean <= share * least
-                for column, least in zip(table.columns, lowest, strict=True)
-            )
-        ]
+        good = means.index[(means <= share * lowest).all(axis=1)]
         return ", ".join(f"`{name}`" for name in good) or "none"
 
     return (
@@ -137,59 +155,54 @@ def _half(table: TableSpec, lines: Sequence[Line]) -> str:
     )
 
 
-def _compared(table: TableSpec, part: Part, lines: Sequence[Line], reference: str) -> list[str]:
+def _compared(table: TableSpec, part: Part, frame: pd.DataFrame, reference: str) -> list[str]:
     """The other rows minus the reference, on the same instances."""
-    base = next((line for line in lines if line.row.name == reference), None)
-    if base is None or len(lines) < 2:
+    values = grids(frame, table.metric)
+    pairs = {
+        (row, column): paired(found, values[reference, column])
+        for (row, column), found in values.items()
+        if row != reference and (reference, column) in values
+    }
+    if not pairs:
         return []
-
-    def cell(line: Line, column: float) -> str:
-        test = paired(*(each.results[column].values[table.metric] for each in (line, base)))
-        sign = "" if test.mean < 0 else "+"
-        return sign + page.mean_and_error(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
-
     title = f"{METRICS[table.metric]} minus that of `{reference}` on the same instances, {_missions(part)}:"
-    return [title, _by_column(table, (line for line in lines if line is not base), "row", _name, cell)]
+    return [title, _by_column(table, {cell: _difference(test) for cell, test in pairs.items()})]
 
 
-def _notes(table: TableSpec, lines: Sequence[Line], sample: Sample) -> str:
+def _difference(test: Paired) -> str:
+    """The difference with its sign, and its probability."""
+    sign = "" if test.mean < 0 else "+"
+    return sign + mean_and_error(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
+
+
+def _notes(table: TableSpec, results: Results, sample: Sample) -> str:
     """How to read the numbers, and what is not as asked for."""
+    printed = any(table.parts[number].printed for number in results.missions.index.unique("part"))
     words = [
         f"Each number: {sample.instances} instances x {sample.trials} trial{'s' * (sample.trials > 1)}, "
         f"seed {sample.seed}; lower is better. "
         "Ours: mean ± standard error over instances (standard deviation over trials of the mean over instances). "
-        + "Paper: mean (standard deviation over trials). " * any(line.part.printed for line in lines)
+        + "Paper: mean (standard deviation over trials). " * printed
         + "Differences: mean ± standard error over instances (p of Wilcoxon's signed-rank test, two-sided)."
     ]
-    fewer = {line.row.name: trials for line in lines if (trials := _trials(line)) != sample.trials}
+    fewer = {row: trials for row, trials in _trials(results.missions).items() if trials != sample.trials}
     words += [f"`{name}` has {trials} trial{'s' * (trials > 1)} only, to save time." for name, trials in fewer.items()]
     words += [f"`{name}` is left out: {reason}." for name, reason in table.left_out.items()]
     return " ".join(words)
 
 
-def made_on(lines: Sequence[Line]) -> str:
-    """Machines and versions, each once."""
-    return f"Made on {page.made_on(*((result.machine, result.versions) for result in _results(lines)))}."
+def _trials(frame: pd.DataFrame) -> dict[str, int]:
+    """How many trials each row has of an instance."""
+    return frame.groupby("row", sort=False)["trial"].nunique().to_dict()
 
 
-def _results(lines: Iterable[Line]) -> Iterable[CellResult]:
-    return (result for line in lines for result in line.results.values())
+def _fewer(trials: int, sample: Sample) -> str:
+    """How many missions a row has, where these are not as many as asked for."""
+    return "" if trials == sample.trials else f" ({sample.instances} x {trials})"
 
 
-def _trials(line: Line) -> int:
-    return next(iter(next(iter(line.results.values())).values.values())).shape[1]
-
-
-def _name(line: Line, sample: Sample | None = None) -> str:
-    """The row's name."""
-    return _named(line, f"`{line.row.name}`", sample)
-
-
-def _named(line: Line, name: str, sample: Sample | None) -> str:
-    """The name; with a sample, also how many missions the line has where these are fewer."""
-    if sample is None or _trials(line) == sample.trials:
-        return name
-    return f"{name} ({sample.instances} x {_trials(line)})"
+def _heading(metric: str, part: Part) -> str:
+    return f"{METRICS[metric]}, {_missions(part)}:"
 
 
 def _missions(part: Part) -> str:

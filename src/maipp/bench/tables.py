@@ -1,20 +1,105 @@
 """Tables as data: which rows, on which missions, beside which printed numbers. The paper's are files like any other."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from maipp.bench.rows import PAPER, Row, check_row, read_row
+from maipp.engine import Mission, Planner, draw_missions
 from maipp.engine.score import Metrics
 from maipp.errors import InputError
 from maipp.files import read_text
-from maipp.planners.options import unknown
+from maipp.markdown import typed
+from maipp.planners import make_planner, planner_names
 from maipp.problem import Shape, shape_of
-from maipp.records import Value, fields_of, nearest, read_yaml
+from maipp.records import Value, Within, fields_of, nearest, read_yaml, unknown
+from maipp.records.kinds import Count, Finite
 from maipp.scenario import Scenario
+
+PAPER = Path(__file__).with_name("paper")  # folder of the paper's tables, and of the rows that any table can name
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table."""
+
+    name: str  # unique, a word that can be typed and be a part of a file's name
+    planner: str  # its name, or path/to/file.py:ClassName
+    options: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's defaults
+    paper: str | None = None  # the paper's name of the method; None: not in the paper
+    trials: Count | None = None  # the most, where a trial is dear; the table says so
+    quick: bool = True  # False: too dear for a quick look, unless it is asked for by name
+    by_name: bool = False  # in no table unless it is asked for by name: as dear as many other rows together
+
+    @property
+    def label(self) -> str:
+        """The planner and its options, as one would type them."""
+        return f"`{self.planner}` {self.typed_options}".rstrip()
+
+    @property
+    def typed_options(self) -> str:
+        """The options as one would type them."""
+        return " ".join(f"{key}={typed(value)}" for key, value in self.options.items())
+
+    def drawn(self, scenario: Scenario, *, instances: int, seed: int) -> tuple[Planner, Mission]:
+        """The planner made for a scenario, and its missions: one for each instance."""
+        planner = make_planner(self.planner, scenario, self.options)
+        return planner, draw_missions(scenario, seed=seed, instances=instances, planner=planner)
+
+
+@cache
+def known_rows() -> dict[str, Row]:
+    """The rows that a table can name."""
+    path = PAPER / "rows.yaml"
+    document = read_yaml(read_text(path, "rows", "a YAML file"), path.name, empty="the package is damaged")
+    rows = [read_row(each) for each in document["rows"].items()]
+    return {row.name: row for row in rows}
+
+
+def read_row(value: Value) -> Row:
+    """A row of a file: the name of a known one or of a planner, or a mapping. Raises `FieldError` with the key."""
+    if isinstance(value.value, str):
+        return _named(value, value.value)
+    named = {} if "name" in value else {"name": value["planner"].fit(str).rpartition(":")[2]}
+    row = value.record(Row, {"options": _options}, beside=["name"], **named)
+    if not row.name or not all(letter.isalnum() or letter in "-_." for letter in row.name):
+        value.at("name").wrong(f"{row.name!r} is no word that can be typed; give letters, digits, -, _ and .")
+    return row
+
+
+def _named(value: Value, name: str) -> Row:
+    """The known row of this name, or the planner's with its default options."""
+    path = PAPER / "rows.yaml"
+    known = {} if value.source == path.name else known_rows()
+    if name in known:
+        return known[name]
+    if ":" in name:
+        return Row(name.rpartition(":")[2], name)
+    if name not in planner_names():
+        value.wrong(unknown("row or planner", name, [*known, *(set(planner_names()) - set(known))]))
+    return Row(name, name)
+
+
+def check_row(value: Value, row: Row, scenario: Scenario) -> None:
+    """Raise `FieldError`, which names the key, where the row's planner cannot be made for a scenario."""
+    try:
+        make_planner(row.planner, scenario, row.options)
+    except InputError as error:
+        value.wrong(str(error))
+
+
+def _options(value: Value) -> dict[str, Any]:
+    """Options, lists among them as tuples."""
+    return {str(key): _tuples(value.at(str(key), option)) for key, option in value.mapping().items()}
+
+
+def _tuples(value: Value) -> Any:
+    if isinstance(value.value, list):
+        return tuple(map(_tuples, value.items()))
+    return value.fit(Finite) if isinstance(value.value, float) else value.value
+
 
 WORLDS = ("mixture", "prior")  # ground truths: the paper's mixtures, or draws of the scenario's own prior
 
@@ -67,6 +152,11 @@ class TableSpec:
     worlds: str = "mixture"  # one of `WORLDS`
     sample: Sample = Sample()
     typed: str = ""  # what one types for it after `maipp benchmark`; empty: its name
+
+    @property
+    def quick_sample(self) -> Sample:
+        """How many missions each cell has in a quick look."""
+        return self.sample._replace(trials=1)
 
     def scenario(self, part: Part, column: float) -> Scenario:
         """The missions of a part in a column."""
@@ -122,7 +212,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     if "left_out" in root:
         given["left_out"] = {name: root["left_out"][name].fit(str) for name in root["left_out"].mapping()}
     title = root["title"].fit(str) if "title" in root else path.stem
-    sample = Sample(**{key: _whole(root[key], key != "seed") for key in Sample._fields if key in root})
+    sample = Sample(**{key: root[key].fit(_COUNTS[key]) for key in Sample._fields if key in root})
     spec = TableSpec(path.stem, title, rows, parts, columns, column, **given, sample=sample, typed=str(path))
     for part in parts:
         for value in columns:
@@ -130,6 +220,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     return spec
 
 
+_COUNTS = {"instances": Count, "trials": Count, "seed": Annotated[int, Within(least=0, wide=True)]}
 _NUMBERS = ("budget", "comm_range")  # numbers whose default is none
 _METRICS = [each.name for each in dataclasses.fields(Metrics)]
 
@@ -152,20 +243,6 @@ def _one_of(value: Value, names: Sequence[str]) -> str:
     if name not in names:
         value.wrong(f"{name!r:.60}: {nearest(name, names)}")
     return name
-
-
-def _whole(value: Value, positive: bool) -> int:
-    number = value.fit(int)
-    if number < positive:
-        value.unfit(f"a whole number >= {int(positive)}")
-    return number
-
-
-def _finite(value: Value) -> float:
-    number = value.fit(float)
-    if not math.isfinite(number):
-        value.unfit("a finite number")
-    return number
 
 
 def _scenario(value: Value, base: Scenario) -> Scenario:
@@ -209,9 +286,10 @@ def _printed(value: Value, columns: Sequence[float]) -> Block:
         return {}
     block = {}
     for name in value["printed"].mapping():
-        pairs = value["printed"][name].items(count=len(columns))
-        numbers = [[_finite(number) for number in pair.items(count=2)] for pair in pairs]
-        block[name] = {column: Printed(*pair) for column, pair in zip(columns, numbers, strict=True)}
+        pairs = zip(columns, value["printed"][name].items(count=len(columns)), strict=True)
+        block[name] = {
+            column: Printed(*(number.fit(Finite) for number in pair.items(count=2))) for column, pair in pairs
+        }
     return block
 
 

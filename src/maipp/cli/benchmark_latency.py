@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from maipp.bench.evaluate import check_counts
-from maipp.bench.latency_run import LatencyPlan, write_latency
+from maipp.bench.latency import LatencyPlan, write_latency
 from maipp.bench.tables import TABLES
 from maipp.cli.notes import notes_console
 from maipp.scenario import Scenario

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from maipp.bench.report import write_report
+from maipp.bench.page import write_report
 
 
 @dataclass(frozen=True)

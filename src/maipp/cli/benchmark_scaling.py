@@ -9,11 +9,22 @@ from typing import Annotated
 import tyro
 
 from maipp.bench.belief_error import COUNTS, INTERVALS, LENGTH_SCALES, BeliefError, belief_error
-from maipp.bench.output import make_folder
-from maipp.bench.scaling import AXES, BASE, LARGEST, PLANNERS, Cost, measure, points
-from maipp.bench.scaling_report import add_missing, read_json, write_json, write_report
+from maipp.bench.scaling import (
+    AXES,
+    BASE,
+    LARGEST,
+    PLANNERS,
+    Cost,
+    add_missing,
+    measure,
+    points,
+    read_json,
+    write_json,
+    write_report,
+)
 from maipp.cli.notes import notes_console
 from maipp.errors import InputError
+from maipp.files import make_folder
 from maipp.planners import planner_options
 from maipp.seeds import check_seed
 

@@ -11,8 +11,7 @@ from rich.console import Console
 from maipp.bench.cells import Cell, cells, fill, share
 from maipp.bench.evaluate import check_counts
 from maipp.bench.sweep.dealing import Where
-from maipp.bench.table_files import write_table
-from maipp.bench.table_page import quick_sample
+from maipp.bench.table_page import write_table
 from maipp.bench.tables import TABLES, Sample, TableSpec, read_table
 from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.sweep_flags import SweepFlags
@@ -137,7 +136,7 @@ def _sample(flags: TableFlags, table: TableSpec) -> Sample:
     """How many missions. Raises `InputError` where the flags contradict each other."""
     if flags.quick and (flags.instances, flags.trials) != (None, None):
         raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")
-    sample = quick_sample(table) if flags.quick else table.sample
+    sample = table.quick_sample if flags.quick else table.sample
     given = {name: getattr(flags, name) for name in ("instances", "trials", "seed") if getattr(flags, name) is not None}
     check_counts("--", **{name: value for name, value in given.items() if name != "seed"})
     check_seed(sample.seed if flags.seed is None else flags.seed, "--seed")

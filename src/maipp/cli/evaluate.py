@@ -10,14 +10,14 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from maipp.bench.comparison import Comparison, compare
-from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of, save_evaluations, to_json
-from maipp.bench.evaluation_file import find, merged, read_evaluations, what
+from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of
+from maipp.bench.evaluations import Comparison, compare, find, merged, read_evaluations, save_evaluations, to_json, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console, tell_of
 from maipp.cli.options import FieldFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
+from maipp.files import write_atomic
 from maipp.foresight import ForesightName
 from maipp.planners import make_planner, planner_names, planner_options
 from maipp.planners.options import values_of
@@ -67,6 +67,9 @@ class Evaluate(FieldFlags):
     json: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """write everything, per-mission values included, to this file; - is standard output"""
 
+    csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """write a line for each mission, with every metric, to this file"""
+
     resume: bool = False
     """leave out what the file of --json holds already"""
 
@@ -81,12 +84,20 @@ def run(flags: Evaluate) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
     to_file = flags.json not in (None, "-")
     if to_file:
-        _check_writable(Path(str(flags.json)))
+        _check_writable("--json", Path(str(flags.json)))
+    if flags.csv is not None:
+        _check_writable("--csv", flags.csv)
     done, kept, code, refused = _Outcome(_merged(flags)) if flags.merge else _evaluated(flags, to_file)
     compared = _show(flags, done) if done else []
     if to_file and done:
         save_evaluations([*done, *kept], str(flags.json), compared)
         notes_console().print(f"wrote {flags.json}")
+    if flags.csv is not None and done:
+        from maipp.bench.frame import evaluated  # pandas, only where it is wanted
+        from maipp.bench.tidy_csv import missions_csv
+
+        write_atomic(flags.csv, missions_csv(evaluated(done)))
+        notes_console().print(f"wrote {flags.csv}")
     for warning in filter(None, map(stopped, done)):
         notes_console().print(warning, markup=False)
     if refused is not None:
@@ -229,11 +240,11 @@ def _rows(flags: Evaluate, field: Raster | None = None) -> list[_Row]:
     return rows
 
 
-def _check_writable(path: Path) -> None:
+def _check_writable(flag: str, path: Path) -> None:
     """Raises `InputError` before hours of work rather than after them."""
     if path.is_dir():
-        raise InputError(f"--json: {path} is a folder; give a file")
+        raise InputError(f"{flag}: {path} is a folder; give a file")
     if not path.parent.is_dir():
-        raise InputError(f"--json: no folder {path.parent}; make it first")
+        raise InputError(f"{flag}: no folder {path.parent}; make it first")
     if not os.access(path.parent, os.W_OK):
-        raise InputError(f"--json: no permission to write in {path.parent}")
+        raise InputError(f"{flag}: no permission to write in {path.parent}")

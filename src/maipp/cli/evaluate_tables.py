@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
-from maipp.bench.comparison import Comparison, label
 from maipp.bench.evaluate import Evaluation
-from maipp.bench.page import three
+from maipp.bench.evaluations import Comparison, label
 from maipp.cli.stopped import stopped_warning
 from maipp.foresight.map_scores import SUFFIXES
+from maipp.markdown import three
 from maipp.scenario import Scenario
 
 

@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from maipp.bench.machine import machine, versions
+from maipp.bench.made_by import machine, versions
 from maipp.cli.run_flags import RunFlags
 from maipp.policy.shipped import BEST
 from maipp.training.config import TrainConfig

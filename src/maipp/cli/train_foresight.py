@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from maipp.bench.machine import machine, versions
+from maipp.bench.made_by import machine, versions
 from maipp.cli.run_flags import RunFlags
 from maipp.cli.train import INTERRUPTED
 from maipp.foresight.shipped import FINAL

@@ -18,11 +18,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.bench.cells import CELLS, cells, fill
-from maipp.bench.rows import Row
 from maipp.bench.sweep import local
 from maipp.bench.sweep.dealing import Where, choose, run_sweep
 from maipp.bench.sweep.local import MOST_DEATHS, default_workers, pinned_cores
-from maipp.bench.tables import Sample
+from maipp.bench.tables import Row, Sample
 from maipp.errors import InputError
 from tests.bench.sweep.held_jobs import Held, held, started
 

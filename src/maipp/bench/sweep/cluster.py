@@ -23,8 +23,7 @@ def introduction() -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
-    from maipp.bench.fingerprint import SIMULATION, code_digest, library_versions
-    from maipp.bench.machine import versions
+    from maipp.bench.made_by import SIMULATION, code_digest, library_versions, versions
 
     return {
         **versions(),

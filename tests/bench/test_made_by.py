@@ -1,4 +1,4 @@
-"""A fingerprint changes with what decides the numbers, and with nothing else."""
+"""A fingerprint changes with what decides the numbers, and with nothing else; the machine is recorded beside it."""
 
 import dataclasses
 import importlib.metadata
@@ -9,11 +9,19 @@ import equinox as eqx
 import jax
 import pytest
 
-from maipp.bench import fingerprint, source_code
+from maipp.bench import made_by
 from maipp.bench.cells import Cell
-from maipp.bench.fingerprint import code_digest, planner_fingerprint, weights_digest
-from maipp.bench.rows import Row
-from maipp.bench.source_code import user_code
+from maipp.bench.made_by import (
+    code_digest,
+    cpu_model,
+    machine,
+    planner_fingerprint,
+    user_code,
+    versions,
+    weights_digest,
+)
+from maipp.bench.tables import Row
+from maipp.devices import core_count
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.problem import shape_of
@@ -51,9 +59,9 @@ def test_options_spelled_out_or_left_at_their_defaults_are_the_same():
 
 def test_it_is_plain_json_and_names_the_versions():
     assert json.loads(json.dumps(CELL.made_by)) == CELL.made_by
-    versions = CELL.made_by["versions"]
-    assert {"python", "maipp", "jax", "jaxlib", "numpy", "scipy", "shapely", "optax"} <= versions.keys()
-    assert versions.keys().isdisjoint({"rich", "matplotlib", "pytest"})
+    known = CELL.made_by["versions"]
+    assert {"python", "maipp", "jax", "jaxlib", "numpy", "scipy", "shapely", "optax"} <= known.keys()
+    assert known.keys().isdisjoint({"rich", "matplotlib", "pytest"})
     assert CELL.made_by["weights"] == "" and CELL.made_by["file"] == ""
 
 
@@ -77,8 +85,7 @@ def package(tmp_path, monkeypatch):
         path = tmp_path / f"{name}.py"
         return path if path.exists() else None
 
-    for module in (fingerprint, source_code):
-        monkeypatch.setattr(module, "module_file", file)
+    monkeypatch.setattr(made_by, "module_file", file)
     return tmp_path
 
 
@@ -198,7 +205,7 @@ def test_a_package_counts_with_its_bases_and_what_they_import(tmp_path, monkeypa
         path.write_text(text, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     # As where the package is installed.
-    monkeypatch.setattr(source_code, "_installed", lambda: {"surveyors": ["surveyors"], "equinox": ["equinox"]})
+    monkeypatch.setattr(made_by, "_installed", lambda: {"surveyors": ["surveyors"], "equinox": ["equinox"]})
     planner = make_planner("surveyors.sub.mine:Mine", Scenario())
     found = user_code(type(planner))
     assert set(found.own) == {f"surveyors{name}" for name in ("", ".sub", ".sub.mine", ".base", ".tools")}
@@ -214,3 +221,16 @@ def test_code_without_a_file_is_refused():
     exec("from maipp.engine import Planner\nclass Typed(Planner):\n    pass\n", namespace)
     with pytest.raises(InputError, match="Typed: its code has no file"):
         planner_fingerprint(namespace["Typed"](Scenario()))  # type: ignore[operator]
+
+
+def test_versions_are_those_installed():
+    found = versions()
+    assert found["jax"] == importlib.metadata.version("jax") and found["numpy"] == importlib.metadata.version("numpy")
+    assert found["python"].startswith("3.") and "maipp" in found
+
+
+def test_the_machine_is_described():
+    found = machine()
+    assert found["cores"] == core_count() >= 1
+    assert found["cpu"] == cpu_model() != ""
+    assert found["precision"] in ("float32", "float64") and found["devices"] >= 1
