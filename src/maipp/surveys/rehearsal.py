@@ -207,4 +207,4 @@ def _in_units(prepared: PreparedSurvey, planner: str, count: int, outcome: Any) 
         for key in shares:
             values[key] = np.full_like(values[key], np.nan)
     minutes = longest * prepared.seconds_per_time / 60.0
-    return RehearsedTeam(planner, count, distance=distance * frame.scale, minutes=minutes, **values)
+    return RehearsedTeam(planner, count, distance=distance * frame.scale, minutes=minutes, maps={}, **values)
