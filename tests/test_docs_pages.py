@@ -1,18 +1,11 @@
-"""What the pages in docs/ say of the code is so: floors, state, planners, options, message sizes."""
+"""What the pages in docs/ say of the code is so: floors, planners, options, message sizes."""
 
 import ast
-import dataclasses
 import re
 from pathlib import Path
 
-import pytest
-
-from maipp.bench.evaluate import message_bytes
-from maipp.engine import State
-from maipp.engine.options import parts_of
-from maipp.markdown import typed
-from maipp.planners import make_planner, planner_class, planner_names, planner_options
-from maipp.scenario import Scenario
+from maipp.planners import planner_class, planner_names, planner_options
+from tests.tools.planner_tables import FAMILIES, with_tables
 
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE, PLANNERS = (
@@ -45,37 +38,24 @@ def test_the_floors_are_those_that_the_tests_enforce():
     ]
 
 
-def test_the_state_has_these_fields_in_this_order():
-    described = [cells[0].strip("`") for cells in rows(section(ARCHITECTURE, "State"))]
-    assert described == [field.name for field in dataclasses.fields(State)]
-
-
-def test_every_planner_has_its_section_and_its_line():
+def test_every_planner_has_its_section():
     assert re.findall(r"^## `([^`]+)`$", PLANNERS, flags=re.MULTILINE) == list(planner_names())
-    overview = {cells[0].strip("`"): cells for cells in rows(PLANNERS.partition("\n## ")[0])}
-    assert list(overview) == list(planner_names())
-    for name, (_, moves, _, keeps_out) in overview.items():
-        planner = planner_class(name)
-        holders = planner, *(part.kind for part in parts_of(planner).values())
-        assert (moves == "in the plane") == any(hasattr(holder, "zones") for holder in holders)
-        assert (keeps_out == "yes") == planner.avoids_obstacles
 
 
-@pytest.mark.parametrize("name", planner_names())
-def test_options_and_defaults_are_the_planner_s(name):
-    described = [(cells[0].strip("`"), cells[1].strip("`")) for cells in rows(section(PLANNERS, f"`{name}`"))]
-    assert described == [(option.name, typed(option.default)) for option in planner_options(name)]
+def test_all_planners_keep_out_of_zones_as_the_page_says():
+    assert all(planner_class(name).avoids_obstacles for name in planner_names())
 
 
-@pytest.mark.parametrize("name", planner_names())
-def test_messages_have_the_size_that_is_told(name):
-    told = re.search(r"^Message: (\d+) bytes", section(PLANNERS, f"`{name}`"), flags=re.MULTILINE)
-    # The size does not depend on the weights.
-    options = {option.name: "untrained" for option in planner_options(name) if option.name == "weights"}
-    assert told is not None and int(told[1]) == message_bytes(make_planner(name, Scenario(), options))
+def test_the_tables_of_planners_and_options_are_the_code_s():
+    assert with_tables(PLANNERS) == PLANNERS, "run: python -m tests.tools.planner_tables"
 
 
-def test_the_joint_form_s_message_has_the_size_that_is_told():
-    told = re.search(r"with `joint=true` (\d+)", section(PLANNERS, "`receding-horizon`"))
-    assert told is not None
-    assert int(told[1]) == message_bytes(make_planner("receding-horizon", Scenario(), {"joint": True}))
+def test_every_option_of_every_planner_is_in_a_table():
+    told = {name for names in FAMILIES.values() for name in names}
+    assert told == {name for name in planner_names() if planner_options(name)}
+    assert all(option.meaning for name in told for option in planner_options(name))
+    for marker, names in FAMILIES.items():
+        table = PLANNERS.partition(f"<!-- {marker} -->")[2].partition(f"<!-- /{marker} -->")[0]
+        assert {cells[0].strip("`") for cells in rows(table)} == {
+            option.name for name in names for option in planner_options(name)
+        }

@@ -147,6 +147,12 @@ class Scenario(PerAgent):
         unit="domain units^4",
         source="the public code family of the paper",
     )
+    field_family: Literal["bumps", "any"] = described(
+        "bumps",
+        "what a foresight counts on: `bumps`, a field such as is drawn, or `any`; a field from a file is `any`",
+        unit="no unit",
+        source="maipp",
+    )
     length_scale: Positive = described(
         0.45,
         "length scale of the kernel (0.25 in the ten-agent tables)",

@@ -17,6 +17,7 @@ from maipp.foresight import make_foresight
 from maipp.foresight.fitted import fitted_foresight
 from maipp.foresight.learned import LearnedForesight
 from maipp.foresight.model import GROUPS, FieldModel, group_of
+from maipp.foresight.own_kernel import any_length_scale
 from maipp.foresight.shipped import FORESIGHT, model_named, shipped_file
 from maipp.policy import save_weights
 from maipp.problem import problem_of
@@ -112,12 +113,14 @@ def test_what_it_was_not_trained_on_is_left_to_the_fitted_foresight(ask, surveye
     assert ask(strict, x, y, 2)[2]  # a group that it knows
 
 
-def test_a_field_from_a_file_is_left_to_the_fitted_foresight(surveyed, wild):
+@pytest.mark.parametrize("known", [{"field": "relief.npz"}, {"field_family": "any"}])
+def test_a_field_of_no_known_family_is_left_to_the_fitted_foresight(surveyed, wild, known):
     x, y, _ = surveyed
-    scenario = SCENARIO.replace(field="relief.npz")
+    scenario = SCENARIO.replace(**known)
     foresight = LearnedForesight(scenario, fitted_foresight(scenario), wild)
     belief = condition(Matern32(0.45), jnp.asarray(x), jnp.asarray(y), jnp.ones(SLOTS, bool), GRID)
     np.testing.assert_array_equal(foresight(belief).mean, foresight.fitted(belief).mean)
+    np.testing.assert_array_equal(foresight.fitted(belief).mean, any_length_scale(belief).law.mean)
 
 
 def test_groups_of_counts():

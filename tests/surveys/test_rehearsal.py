@@ -72,6 +72,20 @@ def test_a_raster_stands_for_the_truth(tmp_path):
         rehearse(SURVEY, robots=[1], rehearsal=Rehearsal(raster=path, fields=2))
 
 
+def test_the_map_of_a_foresight_is_scored_beside_the_belief_s(rehearsed, tmp_path):
+    result = rehearse(SURVEY, rehearsal=Rehearsal(fields=FIELDS), seed=2, foresight="fitted")
+    for plain, own in zip(rehearsed.teams, result.teams, strict=True):
+        np.testing.assert_array_equal(plain.rmse, own.rmse)  # the survey is the same
+        assert set(own.maps) == {"fitted_rmse", "fitted_68", "fitted_95", "belief_68", "belief_95"} and not plain.maps
+        # Fields drawn from the belief's own kernel: the map that need not know its scale is hardly worse, in the unit.
+        assert 0.7 < own.maps["fitted_rmse"].mean() / own.rmse.mean() < 1.3
+        assert (own.maps["fitted_68"] <= own.maps["fitted_95"]).all() and own.maps["belief_95"].mean() > 0.8
+    heading, first, *_ = csv.reader(io.StringIO(to_csv(result)))
+    assert heading[-5:] == list(result.teams[0].maps) and float(first[-5]) > 0
+    assert rows(result)[0][5] == "RMSE, fitted" and "map of the foresight fitted, 2 robots" in words(result)[-1]
+    assert "RMSE, fitted" in markdown(result) and "fitted" not in markdown(rehearsed)
+
+
 def test_without_a_threshold_nothing_is_to_be_found():
     lost = team(1, [1, 2], [3, 4], found=math.nan)
     result = RehearsalResult(dataclasses.replace(SURVEY, threshold=None), (lost,), 2, "drawn fields", ())

@@ -26,6 +26,7 @@ def test_lengths_are_in_longest_sides_and_the_fastest_robot_has_speed_1(square):
     assert scenario.extent == (1.0, 1.0) and square.frame.metres_per_unit == 1000
     assert scenario.budgets == pytest.approx((1.5, 1.2)) and scenario.speeds == (1.0, 0.5)
     assert scenario.measurement_interval == pytest.approx(0.3) and scenario.length_scale == pytest.approx(0.3)
+    assert scenario.field_family == "any"  # nobody knows that a real place looks like the experiment's fields
     assert square.seconds_per_time == 500  # 1 km at 2 m/s
     assert square.names == ("one", "two") and scenario.comm_range is None
     assert (scenario.grid, scenario.nodes, scenario.neighbours) == (10, 40, 6)

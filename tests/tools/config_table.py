@@ -1,4 +1,4 @@
-"""The tables of all keys of training configurations, for docs/training.md.
+"""The tables of all keys of training configurations, for docs/training-keys.md.
 
 `python -m tests.tools.config_table PAGE` writes them between the page's markers.
 """

@@ -1,4 +1,4 @@
-"""docs/training.md says of the configuration, the log and the files what the code has."""
+"""The pages of training say of the configuration and the files what the code has."""
 
 import dataclasses
 import re
@@ -12,11 +12,12 @@ from maipp.training.config import NAMED, TrainConfig
 from maipp.training.train import train
 from tests.tools.config_table import with_config_table, with_config_tables
 
-PAGE = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE, KEYS = ((DOCS / name).read_text(encoding="utf-8") for name in ("training.md", "training-keys.md"))
 
 
 def test_the_table_is_the_dataclass_s():
-    assert with_config_tables(PAGE) == PAGE, "run: python -m tests.tools.config_table docs/training.md"
+    assert with_config_tables(KEYS) == KEYS, "run: python -m tests.tools.config_table docs/training-keys.md"
 
 
 def test_every_key_has_a_meaning_and_a_row():

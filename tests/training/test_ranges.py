@@ -69,6 +69,7 @@ def test_smoke_learns_from_missions_of_different_numbers():
         ("comm_range: [null, 0.3]", "comm_range\\[0\\]: None does not fit"),
         ("comm_range: [far, 0.3]", "does not fit; give a finite number or 2 values such as 0.3,none or none"),
         ("team: [2, 4]", "team: \\(2, 4\\); give \\[fewest, most\\] with 1 <= fewest <= most <= agents, 3"),
+        ("zones: [0, 2]", "zones: \\(0, 2\\); the teacher knows no zones; give imitation=0"),
         ("team: [0, 2]", "team\\[0\\]: 0 does not fit; give"),
     ],
 )

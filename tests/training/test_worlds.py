@@ -9,10 +9,21 @@ import numpy as np
 import pytest
 
 from maipp.fields.mixture import GaussianMixture, evaluation_grid
+from maipp.roadmap import Obstacles
 from maipp.training.config import TrainConfig
 from maipp.training.learner import Learner
 from maipp.training.rollout import Environment, new_environment, step
-from maipp.training.worlds import TRAINING_SEEDS, agent_roadmap, draw_world, mission_of, turned
+from maipp.training.worlds import (
+    TRAINING_SEEDS,
+    agent_roadmap,
+    draw_bank,
+    draw_world,
+    mission_of,
+    seen_inside,
+    training_scenario,
+    turned,
+)  # fmt: skip
+from maipp.training.zones import random_zones
 
 # Where (0.1, 0.3) goes: bit 0 swaps x and y, then bit 1 mirrors x, bit 2 mirrors y.
 IMAGES = [(0.1, 0.3), (0.3, 0.1), (0.9, 0.3), (0.7, 0.1), (0.1, 0.7), (0.3, 0.9), (0.9, 0.7), (0.7, 0.9)]
@@ -134,3 +145,25 @@ def test_worlds_are_drawn_from_all_that_the_configuration_allows(learner):
     # 200 uniform draws: their mean deviates by sqrt((5 - 1.5)^2 / 12 / 200) = 0.07.
     assert budgets.min() >= 1.5 and budgets.max() <= 5.0 and budgets.mean() == pytest.approx(3.25, abs=0.3)
     assert TRAINING_SEEDS == 1_000_000_000
+
+
+def test_zones_are_seen_as_the_roadmaps_are():
+    config = CONFIG.replace(zones=(2, 4), bank=3)
+    bank = draw_bank(config, training_scenario(config), 4)
+    grid = np.asarray(evaluation_grid(30, jnp.ones(2)))
+    for row in range(3):
+        zones = random_zones(np.random.default_rng([TRAINING_SEEDS + config.seed, row]), (2, 4))
+        assert Obstacles(zones).free(np.asarray(bank.roadmap.nodes[row], float).reshape(-1, 2)).all()
+        for symmetry in range(8):
+            world = draw_world(config, training_scenario(config), bank, jax.random.key(0))
+            world = world._replace(roadmap=jnp.int32(row), symmetry=jnp.int32(symmetry))
+            image = [np.asarray(of(symmetry, zone)) for zone in zones]
+            seen = np.asarray(seen_inside(bank, world, 30))
+            # Points of the grid on a border may fall to either side in single precision.
+            assert (seen == Obstacles(image).free(grid)).mean() > 0.995 and not seen.all()
+
+
+def test_random_zones_are_polygons():
+    for seed in range(300):
+        zones = random_zones(np.random.default_rng(seed), (0, 4))
+        assert len(Obstacles(zones)) == len(zones) <= 4

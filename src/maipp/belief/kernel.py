@@ -35,13 +35,16 @@ class Kernel(eqx.Module):
 
     def __call__(self, a: Float[Array, "*a 2"], b: Float[Array, "*b 2"]) -> Float[Array, "..."]:
         """Covariance between points of `a` and `b`; leading axes broadcast, so `a[:, None], b` gives a matrix."""
+        return self.correlation(self.distance(a, b), self.variance)
+
+    def distance(self, a: Float[Array, "*a 2"], b: Float[Array, "*b 2"]) -> Float[Array, "..."]:
+        """The distance r between points of `a` and `b`; leading axes broadcast."""
         scaled = self.scaled(a - b if self.warp is None else (a - b) @ self.warp)
         squared = scaled[..., 0] * scaled[..., 0] + scaled[..., 1] * scaled[..., 1]
         # sqrt has an infinite slope at zero; the gradient that passes there is 0.
         # `!=` and not `>`: a place of NaN must not pass for the same place as every other.
         apart = squared != 0
-        distance = jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
-        return self.correlation(distance, self.variance)
+        return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
     def matrix(self, a: Float[Array, "n 2"], b: Float[Array, "q 2"]) -> Float[Array, "n q"]:
         """Covariance matrix between two point sets."""

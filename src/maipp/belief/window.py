@@ -10,7 +10,7 @@ else on those there. So a belief of limited capacity has
   know more than the window. What a planned measurement takes from the variance shrinks in the same proportion.
 
 Up to the capacity it is exact. Beyond it, variances are those of a part of the measurements, and so not too low but for
-rounding; docs/architecture.md has the errors.
+rounding; docs/evidence/speed.md has the errors.
 """
 
 from maipp.belief.kernel import Kernel

@@ -18,7 +18,6 @@ import numpy as np
 from maipp.bench.fingerprint import planner_fingerprint
 from maipp.bench.latency import DecisionTime, decision_time
 from maipp.bench.machine import machine, versions
-from maipp.bench.map_scores import map_scores
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.finite import instance_and_trial, refuse_non_finite
@@ -28,6 +27,7 @@ from maipp.errors import InputError
 from maipp.fields.raster import Raster, read_field
 from maipp.files import write_atomic
 from maipp.foresight import Foresight, ForesightName, make_foresight
+from maipp.foresight.map_scores import map_scores
 from maipp.planners.given import AnyPlanner, given_planner
 from maipp.planners.options import values_of
 from maipp.problem import Shape, params_of, shape_of

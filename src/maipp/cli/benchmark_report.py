@@ -16,8 +16,8 @@ class Report:
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DIR [DIR ...]")]
     """folders that `maipp benchmark` wrote to"""
 
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: docs/results.md)")] = Path(
-        "docs/results.md"
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: docs/evidence/tables.md)")] = Path(
+        "docs/evidence/tables.md"
     )
     """page to fill, which has the lines <!-- NAME:start --> and <!-- NAME:end --> for each"""
 

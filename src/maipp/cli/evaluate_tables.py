@@ -7,9 +7,9 @@ from rich.table import Table
 
 from maipp.bench.comparison import Comparison, label
 from maipp.bench.evaluate import Evaluation
-from maipp.bench.map_scores import SUFFIXES
 from maipp.bench.page import three
 from maipp.cli.stopped import stopped_warning
+from maipp.foresight.map_scores import SUFFIXES
 from maipp.scenario import Scenario
 
 

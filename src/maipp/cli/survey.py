@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
@@ -89,6 +89,9 @@ class Survey:
     adapt: tyro.conf.FlagCreatePairsOff[bool] = False
     """rehearse each team once more with the kernel refitted under way, on fields of uncertain length scale"""
 
+    foresight: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """rehearse: score the map that this foresight draws as well, such as fitted (docs/foresight.md)"""
+
 
 def run(flags: Survey) -> int:
     """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
@@ -121,7 +124,7 @@ def _new(path: Path | None) -> int:
 def _check_flags(flags: Survey) -> None:
     """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
     rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
-    rehearsals["adapt"] = flags.adapt or None
+    rehearsals |= {"adapt": flags.adapt or None, "foresight": flags.foresight}
     if not flags.rehearse:
         for name, value in rehearsals.items():
             if value not in (None, ()):
@@ -267,6 +270,8 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
 
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from maipp.foresight import FORESIGHTS
+    from maipp.records import unknown
     from maipp.surveys.rehearsal import rehearse
     from maipp.surveys.rehearsal_report import summary_table, words
     from maipp.surveys.rehearsal_report import write_report as write_rehearsal
@@ -282,6 +287,9 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     if flags.raster is not None:
         rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None, crs=None, at=None)
     notes = Console(stderr=True)
+    foresight: Any = flags.foresight
+    if foresight is not None and foresight not in FORESIGHTS:
+        raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with staged_folder(flags.out) as stage:
         with Progress(*columns, console=notes, disable=not notes.is_terminal, transient=True) as bar:
@@ -294,6 +302,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
                 seed=flags.seed,
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
                 refitted=refitted,
+                foresight=foresight,
             )
         names = write_rehearsal(result, stage)
     console = results_console()

@@ -18,7 +18,7 @@ from maipp.training.foresight.config import NAMED
 from maipp.training.foresight.run import FitResult, FitStep, train_foresight
 from maipp.training.journal import LOG
 
-_FORESIGHT = Kind(NAMED, "docs/training.md")
+_FORESIGHT = Kind(NAMED, "docs/training-keys.md")
 _LINE_SECONDS = 30.0  # between two lines about updates
 
 

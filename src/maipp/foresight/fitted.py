@@ -10,7 +10,7 @@ from maipp.foresight.weighed import averaged
 from maipp.scenario import Scenario
 from maipp.typing import Array, Float
 
-# Logarithm of the odds, before anything is measured, that a field which comes from no file is of the scenario's family.
+# Logarithm of the odds, before anything is measured, that a field is of the family that its scenario names.
 # In fields of the family the measurements themselves say so by some 3 after nine of them and 8 after thirty; in fields
 # that are not, standardised values for instance, a few measurements outweigh these odds.
 ODDS = 8.0
@@ -21,10 +21,10 @@ class FittedForesight(Foresight):
 
     The family has been fitted to draws of it (`bumps_of`); level and scale are fitted to the measurements at hand,
     old samples among them; the kernel itself is the problem's, which a survey fits to its samples and under way, but
-    that a field from a file may have a shorter length scale. Between all these the measurements decide.
+    that a field of no known family may have a shorter length scale. Between all these the measurements decide.
     """
 
-    bumps: Bumps | None  # None: the field is from a file, and of no family
+    bumps: Bumps | None  # None: the field is of no known family
 
     def __call__(self, belief: Belief) -> Law:
         """The law on the evaluation grid."""
@@ -43,4 +43,5 @@ class FittedForesight(Foresight):
 
 def fitted_foresight(scenario: Scenario) -> FittedForesight:
     """The fitted foresight of a scenario."""
-    return FittedForesight(scenario, None if scenario.field is not None else bumps_of(scenario))
+    drawn = scenario.field is None and scenario.field_family == "bumps"
+    return FittedForesight(scenario, bumps_of(scenario) if drawn else None)

@@ -34,7 +34,7 @@ class LearnedForesight(Foresight):
     """The fitted law, corrected by a network that has seen many surveys of many fields.
 
     Where what it is told lies outside of what it was trained on, the scores of the measurements so far among it, and
-    for fields from a file, the law is the fitted one.
+    for fields of no known family, the law is the fitted one.
     """
 
     fitted: FittedForesight

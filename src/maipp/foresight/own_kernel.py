@@ -46,8 +46,8 @@ def own_kernel(belief: Belief) -> Weighed:
     return Weighed(Law(belief.mean + level * uncovered, jnp.sqrt(jnp.maximum(variance, 0.0))), evidence)
 
 
-# Length scales that a field from a file may have besides the belief's, in units of it. On relief these two take 10 to
-# 25 % off the error of the belief's alone after 18 measurements and more; longer ones and more of them gain nothing.
+# Length scales that a field of no known family may have besides the belief's, in units of it. On relief these two take
+# 10 to 25 % off the error of the belief's alone after 18 measurements and more; longer ones and more gain nothing.
 _SHORTER = (0.25, 0.5)
 
 

@@ -31,21 +31,28 @@ class VirtualMeasurements(NamedTuple):
 
 
 def virtual_measurements(
-    belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
+    belief: Belief,
+    points: Float[Array, "c h 2"],
+    taken: Bool[Array, "c h"],
+    covariance: Float[Array, "c h q"] | None = None,
 ) -> VirtualMeasurements:
-    """The rows that each candidate's measurements would add; `taken=False` adds nothing."""
+    """The rows that each candidate's measurements would add; `taken=False` adds nothing.
+
+    `covariance` is that of the points and the belief's query, if it is there already.
+    """
     prior = jnp.asarray(belief.kernel.variance, points.dtype)
     whitened = belief.whiten(points)
-    residual = belief.kernel(points[:, :, None, :], belief.query) - whitened @ belief.whitened_query
+    cross = belief.kernel(points[:, :, None, :], belief.query) if covariance is None else covariance
+    residual = cross - whitened @ belief.whitened_query
     between = belief.kernel(points[:, :, None, :], points[:, None, :, :]) - jnp.einsum(
         "chn,cgn->chg", whitened, whitened
     )
     pair = taken[:, :, None] & taken[:, None, :]
     identity = jnp.eye(points.shape[1], dtype=points.dtype)
     nugget = jnp.maximum(belief.noise, _NUGGET * jnp.finfo(points.dtype).eps * prior)
-    covariance = jnp.where(pair, between, prior * identity) + nugget * identity
+    own = jnp.where(pair, between, prior * identity) + nugget * identity
     inverse = lax.linalg.triangular_solve(
-        jnp.linalg.cholesky(covariance), jnp.broadcast_to(identity, covariance.shape), left_side=True, lower=True
+        jnp.linalg.cholesky(own), jnp.broadcast_to(identity, own.shape), left_side=True, lower=True
     )
     # A candidate that float32 cannot factor all the same measures where everything is known: it adds nothing.
     inverse = jnp.where(jnp.isfinite(inverse).all(axis=(1, 2), keepdims=True), inverse, 0.0)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import equinox as eqx
@@ -15,6 +15,8 @@ from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
 from maipp.engine.score import Standing, moments_of, standing, taken_by
+from maipp.foresight import ForesightName, make_foresight
+from maipp.foresight.map_scores import map_scores
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
@@ -56,6 +58,8 @@ class RehearsedTeam:
     found_before: Float[np.ndarray, " f"]
     distance: Float[np.ndarray, " f"]  # of the team
     minutes: Float[np.ndarray, " f"]  # until the last robot stopped
+    # Of a foresight's map and of the belief's intervals, by the names of `MapScores.values`; empty: none was asked.
+    maps: dict[str, Float[np.ndarray, " f"]] = field(default_factory=dict)
 
     @property
     def trace_share(self) -> Float[np.ndarray, " f"]:
@@ -72,6 +76,7 @@ class RehearsalResult:
     fields: int
     on: str  # "drawn fields" or the raster's path
     warnings: tuple[str, ...]
+    foresight: str | None = None  # whose map is scored beside the belief's
 
 
 # Rehearses a team on fields (a pytree with a leading axis), so many of them, from a seed: the parts of an `Outcome` at
@@ -99,6 +104,7 @@ def rehearse(
     seed: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     refitted: Refitted | None = None,
+    foresight: ForesightName | None = None,
 ) -> RehearsalResult:
     """The mission simulated for every planner and size of team on the same fields.
 
@@ -106,6 +112,7 @@ def rehearse(
     results can be paired. On a raster the rehearsals differ in the planner's randomness only. `progress` is called with
     what is run, the number of runs done and of all. With `refitted` each team is rehearsed once more by it, with the
     kernel refitted under way, and fields are drawn with length scales as uncertain as the refits take them to be.
+    With a `foresight` the map that it draws of the same measurements is scored too, and the intervals of both maps.
     Raises `InputError` for what makes a run impossible.
     """
     if refitted is not None:
@@ -117,23 +124,30 @@ def rehearse(
     ready = [(name, count, prepare(with_robots(survey, count), planner=name)) for name in planners for count in counts]
     built = [prepared.make_planner() for _, _, prepared in ready]  # before any work
     first = ready[0][2]
-    field = None
+    relief = None
     if rehearsal.raster is not None:
-        field = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
+        relief = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
     spread = 0.0 if refitted is None or first.adapt is None else first.adapt.scale_spread
-    fields = drawn_fields(first, rehearsal.fields, seed, spread) if field is None else None
+    fields = drawn_fields(first, rehearsal.fields, seed, spread) if relief is None else None
     key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
     teams = []
     for index, ((name, count, prepared), planner) in enumerate(zip(ready, built, strict=True)):
         if progress is not None:
             progress(f"{name}, {count} robot{'s' if count > 1 else ''}", index, len(ready))
         if fields is None:
-            missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=field)
+            missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=relief)
         else:
             missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
         states = run_missions(planner, missions, key)
         fixed: Outcome = jax.device_get(outcomes(missions, states))
-        teams.append(_in_units(prepared, name, count, fixed))
+        team = _in_units(prepared, name, count, fixed)
+        if foresight is not None:
+            scores = map_scores(make_foresight(foresight, prepared.scenario), missions, states).values(foresight)
+            error = f"{foresight}_rmse"
+            maps = {key: np.asarray(value, np.float64) for key, value in scores.items()}
+            maps[error] = prepared.frame.to_user_std(maps[error])
+            team = dataclasses.replace(team, maps=maps)
+        teams.append(team)
         if refitted is not None:
             found = refitted(prepared, missions.field, rehearsal.fields, seed)
             before = {key: getattr(fixed, key) for key in ("trace_before", "rmse_before", "found_before")}
@@ -143,7 +157,7 @@ def rehearse(
     if progress is not None:
         progress("done", len(ready), len(ready))
     on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
-    return RehearsalResult(survey, tuple(teams), rehearsal.fields, on, first.warnings)
+    return RehearsalResult(survey, tuple(teams), rehearsal.fields, on, first.warnings, foresight)
 
 
 def _on_fields(missions: Mission, fields: Any) -> Mission:
@@ -182,7 +196,7 @@ def _outcome(mission: Mission, state: State) -> Outcome:
 
 def _in_units(prepared: PreparedSurvey, planner: str, count: int, outcome: Any) -> RehearsedTeam:
     frame = prepared.frame
-    values = {field.name: np.asarray(getattr(outcome, field.name), np.float64) for field in dataclasses.fields(Outcome)}
+    values = {each.name: np.asarray(getattr(outcome, each.name), np.float64) for each in dataclasses.fields(Outcome)}
     shares = ("found", "found_before")  # NaN where the field has no high-interest area
     numbers = {key: value for key, value in values.items() if key not in shares}
     refuse_non_finite(numbers, lambda index: f"rehearsal of {planner} with {count} robots, field {index}")

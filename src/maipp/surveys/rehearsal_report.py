@@ -27,13 +27,16 @@ _MORE_COLUMNS = ("found", "found_before", "distance_m", "minutes")
 
 
 def to_csv(result: RehearsalResult) -> str:
-    """One row for every planner, team and field; empty cells where a field has nothing of high interest."""
+    """One row for every planner, team and field; empty cells where a field has nothing of high interest, and for the
+    maps of a foresight where it drew none."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*_COLUMNS, *_MORE_COLUMNS))
+    maps = tuple(dict.fromkeys(name for team in result.teams for name in team.maps))
+    writer.writerow((*_COLUMNS, *_MORE_COLUMNS, *maps))
     for team in result.teams:
         columns = [team.trace, team.trace_before, team.trace_share, team.rmse, team.rmse_before]
         columns += [team.found, team.found_before, team.distance, team.minutes]
+        columns += [_map(team, name) for name in maps]
         for index, numbers in enumerate(zip(*columns, strict=True)):
             cells = [f"{number:.6g}" if math.isfinite(number) else "" for number in numbers]
             writer.writerow([team.planner, team.robots, index, *cells])
@@ -43,7 +46,8 @@ def to_csv(result: RehearsalResult) -> str:
 def rows(result: RehearsalResult, between: str = " ") -> list[tuple[str, ...]]:
     """The cells of the table, its heading first: mean and standard deviation, `between`, and the 10-90 % range."""
     unit = f" ({result.survey.unit})" if result.survey.unit else ""
-    table = [("planner", "robots", "Tr(P)", "of initial", f"RMSE{unit}", "found", "minutes")]
+    foretold = () if result.foresight is None else (f"RMSE, {result.foresight}",)
+    table = [("planner", "robots", "Tr(P)", "of initial", f"RMSE{unit}", *foretold, "found", "minutes")]
     for team in result.teams:
         table.append(
             (
@@ -52,11 +56,17 @@ def rows(result: RehearsalResult, between: str = " ") -> list[tuple[str, ...]]:
                 _cell(spread(team.trace), between),
                 _cell(spread(team.trace_share), between, percent=True),
                 _cell(spread(team.rmse), between),
+                *(_cell(spread(_map(team, f"{result.foresight}_rmse")), between) for _ in foretold),
                 _cell(spread(team.found), between, percent=True),
                 f"{spread(team.minutes).mean:.0f}",
             )
         )
     return table
+
+
+def _map(team: RehearsedTeam, name: str) -> Float[np.ndarray, " f"]:
+    """One score of the maps, NaN where the team has none."""
+    return team.maps.get(name, np.full(len(team.rmse), np.nan))
 
 
 def summary_table(result: RehearsalResult) -> Table:
@@ -89,6 +99,8 @@ def words(result: RehearsalResult) -> list[str]:
         + "."
     )
     sentences += [_worth(less, more, unit) for less, more in zip(teams, teams[1:], strict=False)]
+    if result.foresight is not None:
+        sentences.append(_foretold(teams[-1], result.foresight, unit))
     refitted = [team for team in result.teams if team.planner == best + REFITTED and team.robots == largest]
     return sentences + [_refitted(_team(result, best, largest), team, unit) for team in refitted]
 
@@ -101,6 +113,17 @@ def _refitted(fixed: RehearsedTeam, team: RehearsedTeam, unit: str) -> str:
         f"Kernel refitted under way, {_robots(team.robots)} with {fixed.planner}, on fields of uncertain length scale: "
         f"the error changes by {-gain:+.0%} (\u00b1 {se:.0%}) to {error}, {_verdict(gain, se)}. "
         "Its Tr(P) is by another kernel and cannot be compared."
+    )
+
+
+def _foretold(team: RehearsedTeam, foresight: str, unit: str) -> str:
+    """What the foresight's map is worth beside the belief's, and how often the intervals of either hold."""
+    gain, se = _gain(team.rmse, _map(team, f"{foresight}_rmse"))
+    held = [f"{spread(_map(team, f'{whose}_95')).mean:.0%}" for whose in (foresight, "belief")]
+    return (
+        f"The map of the foresight {foresight}, {_robots(team.robots)} with {team.planner}: the error changes by "
+        f"{-gain:+.0%} (\u00b1 {se:.0%}) to {spread(_map(team, f'{foresight}_rmse')).mean:.3g}{unit}, "
+        f"{_verdict(gain, se)}; {held[0]} of the truth lies within its 95 % intervals, {held[1]} within the belief's."
     )
 
 

@@ -164,6 +164,7 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
         "measurement_interval": survey.measurement_spacing_m / scale,
         "extent": [width, height],
         "obstacles": [list(part.exterior.coords)[:-1] for part in complement(free, frame.domain)],
+        "field_family": "any",
         "length_scale": prior.length_scale,
         "noise": prior.noise,
         "nodes": nodes,

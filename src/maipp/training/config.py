@@ -75,6 +75,11 @@ class TrainConfig:
         "Of a range such as `[0.3, none]` the inverse is drawn uniformly",
     )
     bank: AtLeast1 = described(256, "teams of roadmaps drawn beforehand; each is met in the 8 symmetries of the square")
+    zones: Ascending[Annotated[int, Within(0, most=8)]] | None = described(
+        None,
+        "`[fewest, most]` no-go zones in each world of the bank; none: none at all",
+        allowed="[fewest, most] with 0 <= fewest <= most <= 8, or none",
+    )
     # One update
     shards: AtLeast1 = described(2, "parts that the missions are split into; devices and processes share them evenly")
     missions: AtLeast1 = described(16, "missions that each shard steps together")
@@ -127,6 +132,8 @@ class TrainConfig:
             self._wrong("elites", f"give at most search_paths, {self.search_paths}")
         if self.team is not None and self.team[1] > self.agents:
             self._wrong("team", f"give [fewest, most] with 1 <= fewest <= most <= agents, {self.agents}")
+        if self.zones is not None and self.imitation:
+            self._wrong("zones", "the teacher knows no zones; give imitation=0 (and weights to start from)")
         if (self.missions * self.events) % self.minibatch:
             self._wrong("minibatch", f"give a divisor of missions * events, {self.missions * self.events}")
         for name in (*RANGES, "comm_range"):

@@ -24,7 +24,7 @@ class Kind(NamedTuple):
         return tuple(each.name for each in dataclasses.fields(self.named["default"]))
 
 
-POLICY = Kind(NAMED, "docs/training.md")
+POLICY = Kind(NAMED, "docs/training-keys.md")
 
 
 def find_config(name: str, kind: Kind = POLICY) -> Any:

@@ -5,15 +5,18 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from maipp.engine import Mission, draw_missions
+from maipp.engine.mission import mission_parts
 from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.problem import Params, Shape, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
 from maipp.training.config import TRAINING_SEEDS, TrainConfig
 from maipp.training.ranges import draw_params, extreme_scenarios
-from maipp.typing import Array, Float, Index, Int, Key
+from maipp.training.zones import random_zones
+from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 
 class Bank(NamedTuple):
@@ -21,6 +24,7 @@ class Bank(NamedTuple):
 
     roadmap: Roadmap  # leading axes (b, m), with encodings
     start: Float[Array, "b m 2"]
+    inside: Bool[Array, "b q"] | None = None  # grid points outside of each world's no-go zones; None: there are none
 
 
 class World(NamedTuple):
@@ -48,9 +52,17 @@ def training_shape(config: TrainConfig) -> Shape:
 
 def draw_bank(config: TrainConfig, scenario: Scenario, encodings: int) -> Bank:
     """The bank of this configuration; one bank is the same on every machine."""
-    missions = draw_missions(scenario, seed=TRAINING_SEEDS + config.seed, instances=config.bank, encodings=encodings)
-    assert missions.roadmap is not None
-    return Bank(missions.roadmap, missions.start)
+    seed = TRAINING_SEEDS + config.seed
+    if config.zones is None:
+        missions = draw_missions(scenario, seed=seed, instances=config.bank, encodings=encodings)
+        assert missions.roadmap is not None
+        return Bank(missions.roadmap, missions.start)
+    rows = []
+    for row in range(config.bank):
+        among = scenario.replace(obstacles=random_zones(np.random.default_rng([seed, row]), config.zones))
+        parts = mission_parts(among, seed=seed, first=row, instances=1, encodings=encodings)
+        rows.append(Bank(parts["roadmap"], parts["start"], parts["inside"]))
+    return jax.tree.map(lambda *arrays: jnp.asarray(np.concatenate(arrays)), *rows)
 
 
 def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) -> World:
@@ -83,6 +95,17 @@ def turned(symmetry: Int[Array, ""], points: Float[Array, "*p 2"]) -> Float[Arra
     return jnp.where(mirror, 1.0 - points, points)
 
 
+def seen_inside(bank: Bank, world: World, side: int) -> Bool[Array, " q"]:
+    """Grid points outside of the no-go zones, as the world's symmetry shows them; the grid has `side` points a side."""
+    if bank.inside is None:
+        return jnp.ones(side * side, bool)
+    # A point of the seen grid is where the symmetry took one of the bank's: axes swapped first, then mirrored.
+    square = bank.inside[world.roadmap].reshape(side, side)
+    square = jnp.where(world.symmetry & 1, square.T, square)
+    square = jnp.where(world.symmetry >> 1 & 1, square[::-1], square)
+    return jnp.where(world.symmetry >> 2 & 1, square[:, ::-1], square).reshape(-1)
+
+
 def mission_of(config: TrainConfig, bank: Bank, world: World) -> Mission:
     """The mission to be simulated, without roadmaps: `agent_roadmap` gives the due agent's when it is asked for."""
     shape = training_shape(config)
@@ -93,7 +116,7 @@ def mission_of(config: TrainConfig, bank: Bank, world: World) -> Mission:
         field=world.field,
         grid=grid,
         truth=world.truth,
-        inside=jnp.ones(grid.shape[0], bool),
+        inside=seen_inside(bank, world, shape.grid),
         start=turned(world.symmetry, bank.start[world.roadmap]),
         roadmap=None,
     )

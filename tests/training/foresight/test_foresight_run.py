@@ -96,7 +96,7 @@ def test_routes_are_in_the_order_of_time_and_as_many_as_fit(straight):
 
 
 def test_a_configuration_goes_through_yaml_and_says_what_is_wrong():
-    kind = Kind(NAMED, "docs/training.md")
+    kind = Kind(NAMED, "docs/training-keys.md")
     for config in (ForesightConfig(), TINY):
         assert parse_config(dump_config(config), kind=kind) == config
     assert override(TINY, ["batch=4", "planners=random"]) == dataclasses.replace(TINY, batch=4, planners=("random",))

@@ -9,7 +9,7 @@ from jax import lax
 from maipp.belief import Belief, extend
 from maipp.engine.decision import Observation
 from maipp.planners.announced.announcement import TeamPlan
-from maipp.planners.search.optimiser import descend
+from maipp.planners.search.optimiser import begin, descend
 from maipp.planners.search.outlook import Ahead, Outlook
 from maipp.planners.search.plan_search import PlanSearch
 from maipp.planners.search.prospect import Prospect
@@ -73,7 +73,7 @@ def plan_team(
         return search.objective.expected(then.mean, then.variance, known, inside, prospect)
 
     slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, coarse_prospect, plans))
-    refined = descend(slope, plans, search.steps, search.rate / 2)
+    refined = descend(slope, begin(plans), search.steps, search.rate / 2).plans
     better = after(belief, inside, known, prospect, refined) < after(belief, inside, known, prospect, plans)
     return jnp.where(better, refined, plans)[observation.agent]
 

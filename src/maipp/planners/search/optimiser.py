@@ -1,7 +1,7 @@
 """Search over plans: random starts, then the gradient of a smooth objective."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +9,8 @@ from jax import lax
 
 from maipp.belief import to_rank
 from maipp.typing import Array, Float, Key
+
+T = TypeVar("T")
 
 # Plans turn by this much per leg (standard deviation, radians): straighter ones look too little around, curlier ones
 # measure the same place twice.
@@ -28,6 +30,7 @@ class SearchOptions(NamedTuple):
     elites: int  # best of them that are refined
     steps: int  # gradient steps
     rate: float  # first gradient step, radians or units of a leg; falls to zero linearly
+    survivors: int  # best of the elites after a third of the steps, which alone take the rest of them
 
 
 def random_plans(key: Key, last: Float[Array, " h *d"], count: int) -> Float[Array, "c h *d"]:
@@ -49,22 +52,33 @@ def random_plans(key: Key, last: Float[Array, " h *d"], count: int) -> Float[Arr
     return fresh.at[:near].set(last + spread * jax.random.normal(near_key, (near, *last.shape)))
 
 
+class Descent(NamedTuple):
+    """Where a descent stands, with Adam's averages."""
+
+    plans: Float[Array, "*e"]
+    mean: Float[Array, "*e"]  # of the slope
+    square: Float[Array, "*e"]  # of its square
+
+
+def begin(plans: Float[Array, "*e"]) -> Descent:
+    """A descent before its first step."""
+    return Descent(plans, jnp.zeros_like(plans), jnp.zeros_like(plans))
+
+
 def descend(
-    gradient: Callable[[Array], Array], start: Float[Array, "*e"], steps: int, rate: float
-) -> Float[Array, "*e"]:
-    """`start` after Adam steps (Kingma & Ba 2015) whose length falls linearly from `rate` to zero."""
+    gradient: Callable[[Array], Array], start: Descent, steps: int, rate: float, first: int = 0, last: int | None = None
+) -> Descent:
+    """After Adam steps `first` to `last` (Kingma & Ba 2015) of `steps`, shrinking from `rate` to 0."""
 
-    def step(i: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        plans, mean, square = carry
-        slope = jnp.nan_to_num(gradient(plans))
-        mean = _MOMENTUM * mean + (1 - _MOMENTUM) * slope
-        square = _SCALE * square + (1 - _SCALE) * slope * slope
-        count = i.astype(plans.dtype) + 1
+    def step(i: Array, at: Descent) -> Descent:
+        slope = jnp.nan_to_num(gradient(at.plans))
+        mean = _MOMENTUM * at.mean + (1 - _MOMENTUM) * slope
+        square = _SCALE * at.square + (1 - _SCALE) * slope * slope
+        count = i.astype(slope.dtype) + 1
         direction = (mean / (1 - _MOMENTUM**count)) / (jnp.sqrt(square / (1 - _SCALE**count)) + 1e-9)
-        return plans - rate * (1 - i / steps) * direction, mean, square
+        return Descent(at.plans - rate * (1 - i / steps) * direction, mean, square)
 
-    zeros = jnp.zeros_like(start)
-    return lax.fori_loop(0, steps, step, (start, zeros, zeros))[0]
+    return lax.fori_loop(first, steps if last is None else last, step, start)
 
 
 class Finalists(NamedTuple):
@@ -85,19 +99,36 @@ def search(
     *,
     score: Callable[[Array], Array],
     final: Callable[[Array], Array],
+    rough: Callable[[Array], Array] | None = None,
     options: SearchOptions,
     proposals: Float[Array, "p h *d"] | None = None,
 ) -> Finalists:
     """Good plans, in the form of `last`, the plan to begin from.
 
-    `score` (c, h, *d) -> (c,) ranks the random plans, its gradient refines the best of them, and `final`, of the same
-    shape, values the refined and the unrefined. `proposals` compete with the random plans.
+    `score` (c, h, *d) -> (c,) ranks plans, its gradient refines the best of them, and `final`, of the same shape,
+    values the refined and the unrefined. `rough`, a cheaper score, takes its place while there are many: among the
+    random plans, and in the first third of the steps. `proposals` compete with the random plans.
     """
     plans = random_plans(key, last, options.candidates)
     if proposals is not None:
         plans = jnp.concatenate([plans, proposals])
-    _, best = lax.top_k(-to_rank(score(plans)), options.elites)
-    elites = plans[best]
-    refined = descend(jax.grad(lambda plans: jnp.sum(score(plans))), elites, options.steps, options.rate)
-    finalists = jnp.concatenate([elites, refined])
+    rough = score if rough is None else rough
+    elites = _best(rough, plans, plans, options.elites)
+    early = options.steps // 3
+    descent = descend(_slope(rough), begin(elites), options.steps, options.rate, last=early)
+    # Two thirds of the steps would be spent on plans that end worse than the survivors.
+    descent, elites = _best(score, descent.plans, (descent, elites), min(options.survivors, options.elites))
+    descent = descend(_slope(score), descent, options.steps, options.rate, first=early)
+    finalists = jnp.concatenate([elites, descent.plans])
     return Finalists(finalists, final(finalists))
+
+
+def _slope(score: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """The gradient of every plan's score."""
+    return jax.grad(lambda plans: jnp.sum(score(plans)))
+
+
+def _best(score: Callable[[Array], Array], plans: Float[Array, "c h *d"], rows: T, count: int) -> T:
+    """The rows of the best plans, best first."""
+    _, best = lax.top_k(-to_rank(score(plans)), count)
+    return jax.tree.map(lambda array: array[best], rows)

@@ -32,12 +32,15 @@ from maipp.typing import Array, Bool, Float, Key
 _LATE = 50.0
 
 # Where it is not said otherwise, agents of teams up to this size plan this many legs; larger teams about so many in
-# all, and each agent at least so many (docs/planners.md has the measurements behind this and the next).
+# all, and each agent at least so many (docs/evidence/planning.md has the measurements behind this and the next).
 _SMALL_TEAM, _FAR = 4, 8
 _TEAM_LEGS, _FEWEST = 20, 2
 
 # More agents than this plan twice on the way of each leg, and fewer missions of them are stepped together.
 _FEW = 5
+
+# While there are many plans, one in so many of the points is looked at.
+_ROUGH = 2
 
 # Half of what the record of a route has room for: among zones, legs may be short.
 _MOST_DECISIONS = 4
@@ -58,9 +61,10 @@ class PlanSearch(eqx.Module):
     foreseer: Foresight | None = eqx.field(default=None, kw_only=True)  # None: the one named, if it is needed
     horizon: int | None = option(None, meaning="legs planned; None: by the number of agents")
     decisions: int | None = option(None, meaning="times that the agent plans per leg; None: by the number of agents")
-    candidates: int = option(128, meaning="random plans scored")
+    candidates: int = option(64, meaning="random plans scored")
     elites: int = option(8, meaning="best of them, refined by gradient")
-    steps: int = option(20, meaning="gradient steps")
+    steps: int = option(24, meaning="gradient steps")
+    survivors: int = option(3, meaning="best of these after a third of the steps, refined to the end")
     rate: float = option(0.2, meaning="first gradient step, radians or legs")
     spread: float | None = option(None, meaning="trust in the spread of values not yet measured")
     blur: float = option(0.005, meaning="smoothing of the area's border, field units")
@@ -171,6 +175,7 @@ class PlanSearch(eqx.Module):
         index = objective.in_play(belief, inside, self.points, position, reach, prospect)
         coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
         coarse_prospect = None if prospect is None else prospect.at(index)
+        rough = jnp.arange(0, len(index), _ROUGH)  # every so many of them, which are sorted by weight
 
         def value(
             belief: Belief,
@@ -190,8 +195,15 @@ class PlanSearch(eqx.Module):
             key,
             last,
             score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
+            rough=lambda plans: value(
+                coarse.at(rough),
+                coarse_inside[rough],
+                coarse_known[rough],
+                None if coarse_prospect is None else coarse_prospect.at(rough),
+                plans,
+            ),
             final=lambda plans: value(belief, inside, known, prospect, plans),
-            options=SearchOptions(self.candidates, self.elites, self.steps, self.rate),
+            options=SearchOptions(self.candidates, self.elites, self.steps, self.rate, self.survivors),
             proposals=proposals,
         )
 

@@ -14,7 +14,7 @@ from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float, Int
 
 # How much of a plan's worth lies in places that are likely of interest instead of predicted so, where a foresight says
-# which these are (docs/foresight.md has the measurements behind this).
+# which these are (docs/evidence/foresight.md has the measurements behind this).
 _AIM = 0.55
 
 

@@ -12,7 +12,7 @@ from maipp.belief import rmse
 from maipp.engine import Mission
 from maipp.engine.score import pooled_belief
 from maipp.engine.state import State
-from maipp.foresight import Foresight
+from maipp.foresight.foresight import Foresight
 from maipp.typing import Array, Bool, Float
 
 # Half widths of the intervals that hold a normal value with 68 and 95 %, in standard deviations.
