@@ -11,8 +11,8 @@ from maipp.belief.kernel import Kernel
 from maipp.belief.thinning import most_telling, spacing
 from maipp.typing import Array, Bool, Float, Int
 
-# Measurements that a tile is conditioned on, and those of the whole survey for each tile: docs/evidence/speed.md has the
-# errors. Half as many per tile are not enough where measurements are dense.
+# Measurements that a tile is conditioned on, and those of the whole survey for each tile (errors:
+# docs/evidence/speed.md). Half as many per tile are not enough where measurements are dense.
 _PER_TILE = 256
 _MEASUREMENTS = 80
 

@@ -37,7 +37,7 @@ class IntentSearch(Planner):
     Agents tell each other where and when they mean to measure; the intent that the policy is shown is fitted to that.
     """
 
-    search: PlanSearch = part(PlanSearch, candidates=96)
+    search: PlanSearch = part(PlanSearch, candidates=48)
     sampler: PathSampler = part(PathSampler)
     paths: int = option(16, meaning="trajectories sampled from the policy per decision")
     nodes: int = option(6, meaning="nodes of each path")

@@ -30,7 +30,7 @@ class SearchOptions(NamedTuple):
     elites: int  # best of them that are refined
     steps: int  # gradient steps
     rate: float  # first gradient step, radians or units of a leg; falls to zero linearly
-    survivors: int  # best of the elites after a third of the steps, which alone take the rest of them
+    survivors: int  # best of the elites after half of the steps, which alone take the others
 
 
 def random_plans(key: Key, last: Float[Array, " h *d"], count: int) -> Float[Array, "c h *d"]:
@@ -107,16 +107,16 @@ def search(
 
     `score` (c, h, *d) -> (c,) ranks plans, its gradient refines the best of them, and `final`, of the same shape,
     values the refined and the unrefined. `rough`, a cheaper score, takes its place while there are many: among the
-    random plans, and in the first third of the steps. `proposals` compete with the random plans.
+    random plans, and in the first half of the steps. `proposals` compete with the random plans.
     """
     plans = random_plans(key, last, options.candidates)
     if proposals is not None:
         plans = jnp.concatenate([plans, proposals])
     rough = score if rough is None else rough
     elites = _best(rough, plans, plans, options.elites)
-    early = options.steps // 3
+    early = options.steps // 2
     descent = descend(_slope(rough), begin(elites), options.steps, options.rate, last=early)
-    # Two thirds of the steps would be spent on plans that end worse than the survivors.
+    # The rest would be spent on plans that end worse than the survivors.
     descent, elites = _best(score, descent.plans, (descent, elites), min(options.survivors, options.elites))
     descent = descend(_slope(score), descent, options.steps, options.rate, first=early)
     finalists = jnp.concatenate([elites, descent.plans])

@@ -64,7 +64,7 @@ class PlanSearch(eqx.Module):
     candidates: int = option(64, meaning="random plans scored")
     elites: int = option(8, meaning="best of them, refined by gradient")
     steps: int = option(24, meaning="gradient steps")
-    survivors: int = option(3, meaning="best of these after a third of the steps, refined to the end")
+    survivors: int = option(2, meaning="best of these after half of the steps, refined to the end")
     rate: float = option(0.2, meaning="first gradient step, radians or legs")
     spread: float | None = option(None, meaning="trust in the spread of values not yet measured")
     blur: float = option(0.005, meaning="smoothing of the area's border, field units")
