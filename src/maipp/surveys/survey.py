@@ -55,15 +55,27 @@ class Robot:
 class RobotKeys:
     """One robot as the file has it."""
 
-    speed: Annotated[float, Within(1e-3, most=60.0), "a speed in m/s, from 0.001 to 60"]
-    start: Pair | None = None  # in the mission's coordinates; None: the home that the area's file has
-    name: Annotated[Text, "a name"] | None = None
-    budget_m: Metres | None = None
-    budget_minutes: Annotated[_Above0, "a time > 0, in minutes"] | None = None
-    end: Literal["start"] | Pair | Each[Pair] | None = None
-    reserve: Share | None = None  # of the budget
-    reserve_m: Annotated[_NotNegative, "a length >= 0, in metres"] | None = None
-    reserve_minutes: Annotated[_NotNegative, "a time >= 0, in minutes"] | None = None
+    speed: Annotated[float, Within(1e-3, most=60.0), "a speed in m/s, from 0.001 to 60"] = described(
+        meaning="its speed, m/s", otherwise="required"
+    )
+    start: Pair | None = described(None, "where it sets out", otherwise="home of the area's `.plan`, or required")
+    name: Annotated[Text, "a name"] | None = described(None, "name of its files", otherwise="`robot-1`, ...")
+    budget_m: Metres | None = described(None, "metres of path that it may travel", otherwise="this or the next")
+    budget_minutes: Annotated[_Above0, "a time > 0, in minutes"] | None = described(
+        None, "minutes that it may be under way", otherwise="this or the last"
+    )
+    end: Literal["start"] | Pair | Each[Pair] | None = described(
+        None, "where it ends: `start`, a position, or positions of which any will do", otherwise="anywhere"
+    )
+    reserve: Share | None = described(
+        None, "share of its budget that is not spent, such as `0.2` or `20 %`", otherwise="`0`"
+    )
+    reserve_m: Annotated[_NotNegative, "a length >= 0, in metres"] | None = described(
+        None, "the same in metres", otherwise="`0`"
+    )
+    reserve_minutes: Annotated[_NotNegative, "a time >= 0, in minutes"] | None = described(
+        None, "the same in minutes", otherwise="`0`"
+    )
 
 
 @dataclass(frozen=True)
@@ -104,31 +116,47 @@ class RasterAreaKeys:
 class Kernel:
     """What is known of the quantity beforehand; None is fitted from samples, or assumed."""
 
-    length_scale_m: Metres | None = None  # over which values stay alike
-    mean: Number | None = None  # in the unit
-    std: Annotated[_Above0, "a standard deviation > 0, in the unit"] | None = None
-    adapt: bool | None = None  # whether it is refitted under way; None: where nothing is given and there are no samples
+    length_scale_m: Metres | None = described(
+        None,
+        "metres over which values stay alike",
+        otherwise="fitted, or 0.45 of the side of a square as large as the area",
+    )
+    mean: Number | None = described(
+        None, "mean of the area, value unit", otherwise="fitted, or 0.4 `std` from the threshold"
+    )
+    std: Annotated[_Above0, "a standard deviation > 0, in the unit"] | None = described(
+        None, "how far values stray from the mean, value unit", otherwise="fitted, or half the threshold"
+    )
+    adapt: bool | None = described(
+        None, "a live survey refits the kernel", otherwise="`true` without samples and kernel"
+    )
 
 
 @dataclass(frozen=True)
 class SampleFile:
     """Old measurements: a CSV file and which of its columns hold what."""
 
-    file: Path = described(allowed="the path of a CSV file")
-    x: Column | None = None
-    y: Column | None = None
-    value: Column | None = None
-    crs: Crs | None = None  # of its positions; None: degrees where the columns' names say so, else the mission's
-    track: Annotated[Path, "the path of a CSV or GPX file"] | None = (
-        None  # where the sensor was, for values without places
+    file: Path = described(
+        meaning="CSV with commas, semicolons, tabs or blanks; a preamble above the header is skipped",
+        allowed="the path of a CSV file",
     )
-    time: Column | None = None  # in the file itself
-    track_time: Column | None = None
-    offset_s: Annotated[float, Within(-1e10, most=1e10, wide=True), "a number of seconds"] = (
-        0.0  # the track's clock less the file's
+    x: Column | None = described(None, "name of the column of x or longitude")
+    y: Column | None = described(None, "name of the column of y or latitude")
+    value: Column | None = described(None, "name of the column of values")
+    crs: Crs | None = described(None, "reference system of the positions, in place of what the file says")
+    track: Annotated[Path, "the path of a CSV or GPX file"] | None = described(
+        None,
+        "CSV or GPX file of the boat, for values without positions; `x`, `y` and `crs` are then the track's",
     )
-    lag_s: Annotated[float, Within(-1e6, most=1e6), "a number of seconds"] = 0.0  # from where water is to its value
-    check: bool = True  # leave out what cannot belong to the field
+    time: Column | None = described(None, "name of the column of times")
+    track_time: Column | None = described(None, "the same of the track")
+    offset_s: Annotated[float, Within(-1e10, most=1e10, wide=True), "a number of seconds"] = described(
+        0.0, "seconds from the values' clock to the track's, `0`"
+    )
+    lag_s: Annotated[float, Within(-1e6, most=1e6), "a number of seconds"] = described(
+        0.0, "seconds by which a value comes after its place, `0`"
+    )
+    check: bool = described(True, "`false` keeps what would be left out as impossible")
     where: str = "samples"
 
     @property
@@ -154,35 +182,70 @@ class Survey:
 
     source: str  # the file, for errors
     lines: Mapping[str, int] = field(default_factory=dict, repr=False)  # line of every key, for errors
-    name: Annotated[Text, "a name"] = "survey"
-    area: Drawing | RasterArea = described(allowed=AREA)
-    no_go: tuple[Drawing, ...] = ()  # one entry for each zone of the file
-    metres: bool = False  # coordinates are metres, not degrees
-    crs: Crs | None = (
-        None  # of the positions in the file; None: WGS84, or with `metres` that of the area's file, if any
+    name: Annotated[Text, "a name"] = described("survey", "title of files and figures", otherwise="the file's name")
+    area: Drawing | RasterArea = described(meaning="where to survey", otherwise="required", allowed=AREA)
+    no_go: tuple[Drawing, ...] = described((), "zones that no robot may enter", otherwise="none")
+    metres: bool = described(False, "coordinates are metres, x east and y north", otherwise="`false`")
+    crs: Crs | None = described(None, "reference system of the positions, such as `EPSG:25833`", otherwise="WGS84")
+    clearance_m: Annotated[_NotNegative, "a length >= 0, in metres"] = described(
+        0.0, "metres to keep from the area's border and the zones", otherwise="`0`"
     )
-    clearance_m: Annotated[_NotNegative, "a length >= 0, in metres"] = 0.0
-    # How far outside the free area starts and ends may lie, as a pier does: they are moved to the nearest free place.
-    ashore_m: Annotated[float, Within(0, most=1000), "a length from 0 to 1000, in metres"] = 5.0
-    robots: tuple[Robot, ...] = described(allowed="a list of robots, one at least")
-    measurement_spacing_m: Metres
-    quantity: Annotated[Text, "the name of what is measured"] | None = None
-    unit: Annotated[Text, "a unit, such as ug/L"] | None = None
-    threshold: Number | None = None  # None: every place matters alike
-    below: bool = False  # values below the threshold matter
-    samples: SampleFile | None = None
-    noise: Annotated[_NotNegative, "a standard deviation >= 0, in the unit"] | None = None  # of a measurement
-    kernel: Kernel = Kernel()
-    # Surprise of a measurement, in standard deviations, beyond which a live survey keeps it out; 0: none.
-    gate: Annotated[float, Within(0, most=1000), "standard deviations from 0 (no gate) to 1000"] = 5.0
-    communication_range_m: Annotated[Metres, "a length > 0, in metres, or null for any distance"] | None = None
-    vehicle: Vehicle = Vehicle()  # whom the mission files are for
+    ashore_m: Annotated[float, Within(0, most=1000), "a length from 0 to 1000, in metres"] = described(
+        5.0, "metres outside the free area at which starts and ends may lie, as on a pier", otherwise="`5`"
+    )
+    robots: tuple[Robot, ...] = described(
+        meaning="the team", otherwise="required", allowed="a list of robots, one at least"
+    )
+    measurement_spacing_m: Metres = described(meaning="metres between two measurements", otherwise="required")
+    quantity: Annotated[Text, "the name of what is measured"] | None = described(
+        None, "what is measured, for headings", otherwise="none"
+    )
+    unit: Annotated[Text, "a unit, such as ug/L"] | None = described(None, "value unit, for headings", otherwise="none")
+    threshold: Number | None = described(
+        None, "values above it matter; without one every place matters alike", otherwise="none"
+    )
+    below: bool = described(False, "values below the threshold matter", otherwise="`false`")
+    samples: SampleFile | None = described(None, "CSV of old measurements, or `file` with more keys", otherwise="none")
+    noise: Annotated[_NotNegative, "a standard deviation >= 0, in the unit"] | None = described(
+        None, "standard deviation of a measurement, value unit", otherwise="fitted, or 5 % of `std`"
+    )
+    kernel: Kernel = described(Kernel(), "what is known of the quantity")
+    gate: Annotated[float, Within(0, most=1000), "standard deviations from 0 (no gate) to 1000"] = described(
+        5.0,
+        "standard deviations of surprise beyond which a live survey keeps a measurement out; `0`: none",
+        otherwise="`5`",
+    )
+    communication_range_m: Annotated[Metres, "a length > 0, in metres, or null for any distance"] | None = described(
+        None, "metres at which robots hear each other", otherwise="any distance"
+    )
+    vehicle: Vehicle = described(
+        Vehicle(),
+        "`boat`, `rover` or `copter`; or `kind`, `autopilot`, `altitude_m`, `return_home`, `fence`",
+        otherwise="`boat`",
+    )
     return_home: bool = False  # robots without an end return to their start
-    planner: Annotated[Text, "the name of a planner"] = DEFAULT_PLANNER
-    planner_options: Annotated[dict[str, Any], "a mapping of options to values"] = field(default_factory=dict)
-    scenario: Mapping[str, Any] = field(default_factory=dict)  # settings of the scenario that the file changes
-    rehearsal: Rehearsal = Rehearsal()
-    seed: Annotated[int, Within(0, most=LARGEST_SEED, wide=True)] = 0
+    planner: Annotated[Text, "the name of a planner"] = described(
+        DEFAULT_PLANNER, "name of a planner", otherwise=f"`{DEFAULT_PLANNER}`"
+    )
+    planner_options: Annotated[dict[str, Any], "a mapping of options to values"] = field(
+        default_factory=dict, metadata={"meaning": "its options", "otherwise": "its defaults"}
+    )
+    scenario: Mapping[str, Any] = field(
+        default_factory=dict,
+        metadata={
+            "meaning": "`grid`, `nodes`, `neighbours`, `beta`, `interest_rule`, `virtual_value`, `belief_capacity`, "
+            "`last_leg` of the scenario",
+            "otherwise": "its defaults",
+        },
+    )
+    rehearsal: Rehearsal = described(
+        Rehearsal(),
+        "number of fields to rehearse on; or `raster` (with `value`, `crs`, `at`) and `fields`",
+        otherwise="`30`",
+    )
+    seed: Annotated[int, Within(0, most=LARGEST_SEED, wide=True)] = described(
+        0, f"seed of everything random, 0 to {LARGEST_SEED}", otherwise="`0`"
+    )
 
     def where(self, key: str) -> str:
         """File, line and key, to begin an error with."""
