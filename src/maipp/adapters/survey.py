@@ -1,6 +1,8 @@
 """What all environments share: worlds, spaces, actions checked, the record and the picture."""
 
 import copy
+import dataclasses
+from functools import cached_property
 from typing import Any
 
 import gymnasium
@@ -8,7 +10,7 @@ import jax
 import numpy as np
 
 from maipp.adapters.compiled import Kinds, Sight, kinds_of, opened, whole
-from maipp.adapters.packed import Packed
+from maipp.adapters.packed import Words, real
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import OBSERVATIONS, action_space, as_observation, masked, observation_space
 from maipp.devices import keep_compiled, refuse_fork
@@ -35,8 +37,10 @@ class Survey:
     """The part of an environment that does not depend on how agents take turns."""
 
     _extra_moves = 0  # besides those to the neighbours
+    _rows: int | None = None  # rows that a compiled call gives: one for each agent, or None for that of the due one
     _kinds: Kinds | None = None
-    _now: Packed | None = None  # the survey; None before the first reset
+    _now: Words | None = None  # the survey; None before the first reset
+    _owed: np.ndarray | None = None  # what is still to be done in it, at the end, where nobody sees it
 
     def __init__(
         self,
@@ -84,6 +88,8 @@ class Survey:
         bounds = whole_bounds(scenario)
         self.state_space = gymnasium.spaces.Box(bounds.low, bounds.high, dtype=np.float32)
         self._size = int(local_bounds(scenario).low.size)  # of the vector of an observation
+        self._nowhere = (0.0, 0.0) if form.actions == "waypoint" else (0,)  # to go with a stop, which reads no choice
+        self._numbers = real() if form.actions == "waypoint" else np.dtype(np.int32)  # of choices
         self._seeds = np.random.default_rng()
         self._seed = 0
         self._figure: Any = None
@@ -114,9 +120,14 @@ class Survey:
             self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
         )
         if self._kinds is None:
-            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
-        self._world = self._kinds.world.pack_here(self._parts)
+            self._kinds = self._kinds_now()
+        self._world = jax.device_put(self._kinds.world.pack_here(self._parts))
+        self._owed = None
         self._replaced = [False] * self.scenario.agents
+
+    def _kinds_now(self) -> Kinds:
+        seen = dataclasses.replace(self._rules, scenario=self.scenario).specs.observation
+        return kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the kinds of what is packed: definitions of pytrees do not come back whole from a pickle."""
@@ -125,7 +136,7 @@ class Survey:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if self._now is not None:
-            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
+            self._kinds = self._kinds_now()
 
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
@@ -133,7 +144,18 @@ class Survey:
             raise InputError("no survey yet: call reset() first")
         refuse_fork()
 
-    def _choice(self, agent: str, action: Any, sight: Sight) -> np.ndarray:
+    def _act(self, choices: np.ndarray) -> Words:
+        """The survey after this, and what is told then."""
+        raise NotImplementedError
+
+    def _settled(self) -> Words:
+        """The survey, with all that was to be done in it."""
+        self._check_begun()
+        if self._owed is not None:
+            self._now, self._owed = self._act(self._owed), None
+        return self._now
+
+    def _choice(self, agent: str, action: Any, sight: Sight) -> tuple[Any, ...]:
         """The agent's action as the engine takes it, which replaces a masked one; or it is refused here.
 
         Raises InputError for what is no action at all.
@@ -144,22 +166,21 @@ class Survey:
         if action is None or not space.contains(action):
             raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
         if self.form.actions == "waypoint":
-            return np.asarray(action, np.float32)
+            return tuple(np.asarray(action, np.float32))
         number = int(action)
         self._replaced[index] = not (number < len(sight.allowed) and sight.allowed[number])
         if self._replaced[index] and self._masked == "raise":
             may = np.flatnonzero(sight.allowed).tolist()
             raise InputError(f"{agent}: action {number} is masked; allowed now: {may}")
-        return np.asarray(number, np.int32)
+        return (number,)
 
-    @property
-    def _nowhere(self) -> np.ndarray:
-        """A choice to go with a stop, which reads none."""
-        return np.zeros(2, np.float32) if self.form.actions == "waypoint" else np.zeros((), np.int32)
+    @cached_property
+    def _mask_inside(self) -> bool:
+        """Whether an observation holds the mask."""
+        return masked(self.form, self._observations)
 
     def _observation(self, sight: Sight, mask: np.ndarray) -> Any:
-        inside = masked(self.form, self._observations)
-        return as_observation(self.scenario, sight, mask if inside else None)
+        return as_observation(self.scenario, sight, mask if self._mask_inside else None)
 
     def _info(self, sight: Sight, mask: np.ndarray) -> dict[str, Any]:
         """What is no part of the observation: times and lengths in the scenario's units."""
@@ -177,8 +198,7 @@ class Survey:
     @property
     def _state(self) -> EnvState:
         """The survey now, in its parts."""
-        self._check_begun()
-        return opened(self._kinds, self._now, self._world)
+        return opened(self._kinds, self._settled(), self._world)
 
     @property
     def _time(self) -> float:
@@ -187,12 +207,10 @@ class Survey:
 
     def state(self) -> np.ndarray:
         """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
-        self._check_begun()
-        return np.asarray(whole(self._kinds, self._now, self._world, np.asarray(self._time)))
+        return np.asarray(whole(self._kinds, self._settled(), self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
-        self._check_begun()
         missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
         return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 
