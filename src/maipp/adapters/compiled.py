@@ -224,10 +224,10 @@ def told_all(kinds: Kinds, words: Words, size: int) -> list[Sight]:
 
 def _rows(packing: Packing, words: Words) -> Rows:
     """The rows at the beginning of these words, on the host."""
-    here, (shape, _) = np.asarray(words), packing.parts[0]
+    here, (shape, kind) = np.asarray(words), packing.parts[0]
     if len(packing.parts) > 1:
         return packing.unpack(here[: packing.size])
-    return here[: math.prod(shape)].view(real()).reshape(shape), None
+    return here[: math.prod(shape)].view(kind).reshape(shape), None
 
 
 def _sight(vector: np.ndarray, allowed: np.ndarray, graph: Graph | None, numbers: np.ndarray) -> Sight:
