@@ -1,11 +1,11 @@
 """The environment as the host calls it: few arrays in and out, since each costs as much as a part of a decision.
 
-Programs are keyed on the rules and the shapes: scenarios that differ in numbers only share them.
+Programs belong to rules and shapes: scenarios that differ in numbers only share them.
 """
 
 import math
 from collections.abc import Callable
-from functools import partial, wraps
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import jax
@@ -133,57 +133,55 @@ def _row_shape(seen: EnvObservation) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct((seen.vector.size + seen.action_mask.size + len(NUMBERS),), real())
 
 
-def _in_few_kernels(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function of the rules, the kinds and arrays."""
+class Calls:
+    """The compiled calls of these rules, for worlds and surveys of these kinds.
 
-    @partial(jax.jit, static_argnums=(0, 1), compiler_options=OPTIONS)
-    def run(rules: Environment, kinds: Kinds, *arrays: Any) -> Any:
-        return few_kernels(partial(function, rules, kinds))(*arrays)
-
-    return wraps(function)(run)
-
-
-@_in_few_kernels
-def first(rules: Environment, kinds: Kinds, world: Words) -> Words:
-    """The survey when its first agent is due."""
-    params = kinds.params(world)
-    state, seen, info = rules.reset_to(jax.random.key(0), params, jnp.int32(0))
-    return kinds.close(_of_turn(rules, seen, jnp.zeros(()), info), state)
-
-
-@_in_few_kernels
-def before_first(rules: Environment, kinds: Kinds, world: Words) -> Words:
-    """The survey before anybody has seen anything."""
-    return kinds.close(None, rules.begin(jax.random.key(0), kinds.params(world)))
-
-
-@_in_few_kernels
-def play(rules: Environment, kinds: Kinds, now: Words, world: Words, choice: Any) -> Words:
-    """The due agent acts, or stops; then the next one's turn. `choice` is its action, 1, and whether it stops."""
-    state, params = kinds.open(now, world)
-    action, _, stop = _chosen(choice)
-    state, seen, gained, info = rules.step_on(state, action, params, stop)
-    return kinds.close(_of_turn(rules, seen, gained, info), state)
-
-
-@_in_few_kernels
-def glance(rules: Environment, kinds: Kinds, now: Words, world: Words, agent: Any) -> Words:
-    """The row of what one agent would see now."""
-    state, params = kinds.open(now, world)
-    return kinds.row.pack(_of_seen(rules, agent, look(rules, state, agent, params), False))
-
-
-@_in_few_kernels
-def together(rules: Environment, kinds: Kinds, now: Words, world: Words, choices: Any) -> Words:
-    """Those who act set off or stop; then everybody's row when the next one arrives.
-
-    `choices` are, of each agent, its action, whether it acts, and whether it stops instead.
+    A choice is an agent's action, whether it acts, and whether it stops instead: one array, of reals for waypoints.
     """
-    state, params = kinds.open(now, world)
-    state, replaced = act(rules, state, *_chosen(choices), params)
-    state, seen = look_all(rules, state, params)
-    rows = jax.vmap(partial(_of_seen, rules))(jnp.arange(params.shape.agents), seen, replaced)
-    return kinds.close(rows, state)
+
+    def __init__(self, rules: Environment, kinds: Kinds) -> None:
+        self.rules, self.kinds = rules, kinds
+        compile_few = partial(jax.jit, compiler_options=OPTIONS)
+        self.first: Callable[..., Words] = compile_few(few_kernels(self._first))
+        self.before_first: Callable[..., Words] = compile_few(few_kernels(self._before_first))
+        self.play: Callable[..., Words] = compile_few(few_kernels(self._play))
+        self.glance: Callable[..., Words] = compile_few(few_kernels(self._glance))
+        self.together: Callable[..., Words] = compile_few(few_kernels(self._together))
+
+    def _first(self, world: Words) -> Words:
+        """The survey when its first agent is due."""
+        state, seen, info = self.rules.reset_to(jax.random.key(0), self.kinds.params(world), jnp.int32(0))
+        return self.kinds.close(_of_turn(self.rules, seen, jnp.zeros(()), info), state)
+
+    def _before_first(self, world: Words) -> Words:
+        """The survey before anybody has seen anything."""
+        return self.kinds.close(None, self.rules.begin(jax.random.key(0), self.kinds.params(world)))
+
+    def _play(self, now: Words, world: Words, choice: Any) -> Words:
+        """The due agent acts, or stops; then the next one's turn."""
+        state, params = self.kinds.open(now, world)
+        action, _, stop = _chosen(choice)
+        state, seen, gained, info = self.rules.step_on(state, action, params, stop)
+        return self.kinds.close(_of_turn(self.rules, seen, gained, info), state)
+
+    def _glance(self, now: Words, world: Words, agent: Any) -> Words:
+        """The row of what one agent would see now."""
+        state, params = self.kinds.open(now, world)
+        return self.kinds.row.pack(_of_seen(self.rules, agent, look(self.rules, state, agent, params), False))
+
+    def _together(self, now: Words, world: Words, choices: Any) -> Words:
+        """Those who act set off or stop; then everybody's row when the next one arrives. `choices` are of all."""
+        state, params = self.kinds.open(now, world)
+        state, replaced = act(self.rules, state, *_chosen(choices), params)
+        state, seen = look_all(self.rules, state, params)
+        rows = jax.vmap(partial(_of_seen, self.rules))(jnp.arange(params.shape.agents), seen, replaced)
+        return self.kinds.close(rows, state)
+
+
+@cache
+def calls_of(rules: Environment, kinds: Kinds) -> Calls:
+    """The compiled calls, the same for all environments: to find them by their keys at each step takes longer."""
+    return Calls(rules, kinds)
 
 
 def _chosen(choice: Any) -> tuple[Any, Any, Any]:
@@ -208,18 +206,20 @@ def opened(kinds: Kinds, now: Words, world: Words) -> EnvState:
 def told(kinds: Kinds, words: Words, size: int) -> Sight:
     """What an agent was told, on the host, from the words of its row; `size` numbers are the vector's."""
     numbers, graph = _rows(kinds.row, words)
-    return _sight(numbers[:size].astype(np.float32), numbers[size : -len(NUMBERS)] > 0, graph, numbers[-len(NUMBERS) :])
+    return _sight(
+        numbers[:size].astype(np.float32), numbers[size : -len(NUMBERS)] > 0, graph, numbers[-len(NUMBERS) :].tolist()
+    )
 
 
 def told_all(kinds: Kinds, words: Words, size: int) -> list[Sight]:
     """What every agent was told, on the host."""
-    numbers, graphs = _rows(kinds.rows, words)
-    vectors, allowed = numbers[:, :size].astype(np.float32), numbers[:, size : -len(NUMBERS)] > 0
-    rows = zip(vectors, allowed, numbers[:, -len(NUMBERS) :], strict=True)
-    return [
-        _sight(vector, may, None if graphs is None else jax.tree.map(lambda a, i=i: a[i], graphs), row)
-        for i, (vector, may, row) in enumerate(rows)
-    ]
+    rows, graphs = _rows(kinds.rows, words)
+    vectors, allowed = rows[:, :size].astype(np.float32), rows[:, size : -len(NUMBERS)] > 0
+    numbers = rows[:, -len(NUMBERS) :].tolist()
+    graph_of: Any = [None] * len(numbers)
+    if graphs is not None:
+        graph_of = [jax.tree.map(lambda a, i=i: a[i], graphs) for i in range(len(numbers))]
+    return list(map(_sight, vectors, allowed, graph_of, numbers))
 
 
 def _rows(packing: Packing, words: Words) -> Rows:
@@ -230,6 +230,6 @@ def _rows(packing: Packing, words: Words) -> Rows:
     return here[: math.prod(shape)].view(kind).reshape(shape), None
 
 
-def _sight(vector: np.ndarray, allowed: np.ndarray, graph: Graph | None, numbers: np.ndarray) -> Sight:
-    agent, time, remaining, trace, gained, final, *flags = numbers.tolist()
+def _sight(vector: np.ndarray, allowed: np.ndarray, graph: Graph | None, numbers: list[float]) -> Sight:
+    agent, time, remaining, trace, gained, final, *flags = numbers
     return Sight(vector, allowed, graph, int(agent), time, remaining, trace, gained, final, *map(bool, flags))

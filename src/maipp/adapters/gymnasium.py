@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from maipp.adapters.compiled import Sight, first, play, told
+from maipp.adapters.compiled import Sight, told
 from maipp.adapters.packed import Words
 from maipp.adapters.spaces import OBSERVATIONS, action_space, masked, observation_space
 from maipp.adapters.survey import RENDER_MODES, Survey
@@ -46,7 +46,7 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         """A new world; what the first robot sees in it, and info. A seed also decides the worlds that follow."""
         gymnasium.Env.reset(self, seed=seed)
         self._fresh(seed, options)
-        self._now = first(self._rules, self._kinds, self._world)
+        self._now = self._calls.first(self._world)
         self._sights: dict[str, Sight] = {}
         self._decisions, self._done = 0, False
         observation, _, info = self._until_a_choice()
@@ -75,15 +75,15 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         return observation, reward, over and not self._sight.truncated, cut or self._sight.truncated, info
 
     def _act(self, choices: np.ndarray) -> Words:
-        return play(self._rules, self._kinds, self._now, self._world, choices)
+        return self._calls.play(self._now, self._world, choices)
 
     def _until_a_choice(self) -> tuple[Any, float, dict[str, Any]]:
         """Let robots stop that can go nowhere, until one can choose or all have ended; the sum of the rewards."""
-        sight = told(self._kinds, self._now, self._size)
+        sight = told(self._calls.kinds, self._now, self._size)
         reward = sight.gained
         while sight.end and not sight.last:
             self._now = self._act(np.array((*self._nowhere, True, True), self._numbers))
-            sight = told(self._kinds, self._now, self._size)
+            sight = told(self._calls.kinds, self._now, self._size)
             reward += sight.gained
         self._sight = sight
         mask = self.action_masks().astype(np.int8)

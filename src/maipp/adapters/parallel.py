@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pettingzoo import ParallelEnv
 
-from maipp.adapters.compiled import Sight, before_first, together, told_all
+from maipp.adapters.compiled import Sight, told_all
 from maipp.adapters.packed import Words
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.errors import InputError
@@ -34,7 +34,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         self._leaving: list[int] = []
         self._over: set[int] = set()
         self._sights: dict[int, Sight] = {}
-        self._now = before_first(self._rules, self._kinds, self._world)
+        self._now = self._calls.before_first(self._world)
         self._advance(self._choices({}, []))
         self._render_if_watched()
         return self._seen(self.agents)
@@ -44,7 +44,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         return self.scenario.agents
 
     def _act(self, choices: np.ndarray) -> Words:
-        return together(self._rules, self._kinds, self._now, self._world, choices)
+        return self._calls.together(self._now, self._world, choices)
 
     def _choices(self, choices: dict[int, tuple[Any, ...]], stopping: list[int]) -> np.ndarray:
         """Those with a choice set off, those named stop, the others do nothing: (m, actions and two more)."""
@@ -62,7 +62,7 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         """
         self._now = self._act(choices)
         due = []
-        for index, sight in enumerate(told_all(self._kinds, self._now, self._size)):
+        for index, sight in enumerate(told_all(self._calls.kinds, self._now, self._size)):
             if index not in self._over:
                 self._sights[index] = sight
                 if sight.due:
@@ -135,12 +135,14 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
     def _seen(self, names: list[str]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Observations and infos of these agents; who has ended may do nothing any more."""
         observations, infos = {}, {}
-        for name in names:
+        masks = np.zeros((len(names), self._moves), np.int8)
+        for name, mask in zip(names, masks, strict=True):
             sight = self._sights[self._index[name]]
-            mask = np.zeros(self._moves, np.int8)
-            if name in self.agents and sight.due:
+            if name not in self.agents:
+                pass
+            elif sight.due:
                 mask[: len(sight.allowed)] = sight.allowed
-            elif name in self.agents:
+            else:
                 mask[-1] = 1
             observations[name] = self._observation(sight, mask)
             infos[name] = self._info(sight, mask)

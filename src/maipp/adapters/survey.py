@@ -9,7 +9,7 @@ import gymnasium
 import jax
 import numpy as np
 
-from maipp.adapters.compiled import Kinds, Sight, kinds_of, opened, whole
+from maipp.adapters.compiled import Calls, Sight, calls_of, kinds_of, opened, whole
 from maipp.adapters.packed import Words, real
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import OBSERVATIONS, action_space, as_observation, masked, observation_space
@@ -38,7 +38,7 @@ class Survey:
 
     _extra_moves = 0  # besides those to the neighbours
     _rows: int | None = None  # rows that a compiled call gives: one for each agent, or None for that of the due one
-    _kinds: Kinds | None = None
+    _calls: Calls | None = None
     _now: Words | None = None  # the survey; None before the first reset
     _owed: np.ndarray | None = None  # what is still to be done in it, at the end, where nobody sees it
 
@@ -119,24 +119,25 @@ class Survey:
         self._parts = mission_parts(
             self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
         )
-        if self._kinds is None:
-            self._kinds = self._kinds_now()
-        self._world = jax.device_put(self._kinds.world.pack_here(self._parts))
+        if self._calls is None:
+            self._calls = self._calls_now()
+        self._world = jax.device_put(self._calls.kinds.world.pack_here(self._parts))
         self._owed = None
         self._replaced = [False] * self.scenario.agents
 
-    def _kinds_now(self) -> Kinds:
+    def _calls_now(self) -> Calls:
         seen = dataclasses.replace(self._rules, scenario=self.scenario).specs.observation
-        return kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
+        kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
+        return calls_of(self._rules, kinds)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the kinds of what is packed: definitions of pytrees do not come back whole from a pickle."""
-        return self.__dict__ | {"_kinds": None}
+        """All but what is compiled, and for what: definitions of pytrees do not come back whole from a pickle."""
+        return self.__dict__ | {"_calls": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if self._now is not None:
-            self._kinds = self._kinds_now()
+            self._calls = self._calls_now()
 
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
@@ -160,19 +161,30 @@ class Survey:
 
         Raises InputError for what is no action at all.
         """
-        space, index = self.action_spaces[agent], self._index[agent]
-        if isinstance(space, gymnasium.spaces.Box) and isinstance(action, np.ndarray) and action.dtype.kind == "f":
-            action = action.astype(np.float32)  # Gymnasium's boxes hold no float64
-        if action is None or not space.contains(action):
-            raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
+        if not (type(action) is int and 0 <= action < self._moves and self.form.actions == "neighbour"):
+            action = self._checked(agent, action)  # what is not seen at a glance
         if self.form.actions == "waypoint":
             return tuple(np.asarray(action, np.float32))
-        number = int(action)
+        number, index = int(action), self._index[agent]
         self._replaced[index] = not (number < len(sight.allowed) and sight.allowed[number])
         if self._replaced[index] and self._masked == "raise":
             may = np.flatnonzero(sight.allowed).tolist()
             raise InputError(f"{agent}: action {number} is masked; allowed now: {may}")
         return (number,)
+
+    def _checked(self, agent: str, action: Any) -> Any:
+        """The action as a member of the agent's space. Raises InputError where it is none."""
+        space = self.action_spaces[agent]
+        if isinstance(space, gymnasium.spaces.Box) and isinstance(action, np.ndarray) and action.dtype.kind == "f":
+            action = action.astype(np.float32)  # Gymnasium's boxes hold no float64
+        if action is None or not space.contains(action):
+            raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
+        return action
+
+    @cached_property
+    def _mask_apart(self) -> bool:
+        """Whether `info` holds the mask."""
+        return self.form.actions == "neighbour" and not self._mask_inside
 
     @cached_property
     def _mask_inside(self) -> bool:
@@ -182,7 +194,7 @@ class Survey:
     def _observation(self, sight: Sight, mask: np.ndarray) -> Any:
         return as_observation(self.scenario, sight, mask if self._mask_inside else None)
 
-    def _info(self, sight: Sight, mask: np.ndarray) -> dict[str, Any]:
+    def _info(self, sight: Sight, mask: np.ndarray | None) -> dict[str, Any]:
         """What is no part of the observation: times and lengths in the scenario's units."""
         info = {
             "time": sight.time,
@@ -191,14 +203,14 @@ class Survey:
             "travelling": not sight.due,
             "replaced": self._replaced[sight.agent],
         }
-        if self._observations == "box" and self.form.actions == "neighbour":
+        if self._mask_apart:
             info["action_mask"] = mask
         return info
 
     @property
     def _state(self) -> EnvState:
         """The survey now, in its parts."""
-        return opened(self._kinds, self._settled(), self._world)
+        return opened(self._calls.kinds, self._settled(), self._world)
 
     @property
     def _time(self) -> float:
@@ -207,7 +219,7 @@ class Survey:
 
     def state(self) -> np.ndarray:
         """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
-        return np.asarray(whole(self._kinds, self._settled(), self._world, np.asarray(self._time)))
+        return np.asarray(whole(self._calls.kinds, self._settled(), self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
