@@ -10,7 +10,7 @@ from jax import lax
 
 from maipp.typing import Array, Int
 
-Words = Int[Array | np.ndarray, " w"]  # of whole numbers as wide as reals: the bits of reals, then all other numbers
+Words = Int[Array | np.ndarray, " _"]  # of whole numbers as wide as reals: the bits of reals, then all other numbers
 
 
 def word() -> np.dtype:
