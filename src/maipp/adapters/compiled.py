@@ -142,6 +142,7 @@ class Calls:
     def __init__(self, rules: Environment, kinds: Kinds) -> None:
         self.rules, self.kinds = rules, kinds
         compile_few = partial(jax.jit, compiler_options=OPTIONS)
+        self.hold: Callable[..., Words] = jax.jit(jnp.copy)  # on the device: `device_put` takes several times as long
         self.first: Callable[..., Words] = compile_few(few_kernels(self._first))
         self.before_first: Callable[..., Words] = compile_few(few_kernels(self._before_first))
         self.play: Callable[..., Words] = compile_few(few_kernels(self._play))

@@ -90,7 +90,7 @@ class Survey:
         self._size = int(local_bounds(scenario).low.size)  # of the vector of an observation
         self._nowhere = (0.0, 0.0) if form.actions == "waypoint" else (0,)  # to go with a stop, which reads no choice
         self._numbers = real() if form.actions == "waypoint" else np.dtype(np.int32)  # of choices
-        self._seeds = np.random.default_rng()
+        self._seeds: np.random.Generator | int | None = None  # of the worlds that follow, or what it is to be made from
         self._seed = 0
         self._figure: Any = None
 
@@ -111,8 +111,9 @@ class Survey:
         refuse_fork()
         instance = _instance(options)
         if seed is not None:
-            self._seeds = np.random.default_rng(check_seed(seed))
+            self._seeds = check_seed(seed)
         elif instance is None:
+            self._seeds = np.random.default_rng(self._seeds)
             seed = int(self._seeds.integers(_DRAWN_SEEDS))
         self._seed = self._seed if seed is None else seed
         roadmaps = self.form.actions == "neighbour"
@@ -121,7 +122,7 @@ class Survey:
         )
         if self._calls is None:
             self._calls = self._calls_now()
-        self._world = jax.device_put(self._calls.kinds.world.pack_here(self._parts))
+        self._world = self._calls.hold(self._calls.kinds.world.pack_here(self._parts))
         self._owed = None
         self._replaced = [False] * self.scenario.agents
 

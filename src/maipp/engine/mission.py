@@ -101,8 +101,10 @@ def _free_start(
     draws: Float[np.ndarray, "d 2"], scenario: Scenario, obstacles: Obstacles | None
 ) -> Float[np.ndarray, "2"]:
     """The first uniform draw outside the no-go zones."""
+    if obstacles is None:
+        return draws[0] * np.asarray(scenario.extent)
     points = draws * np.asarray(scenario.extent)
-    free = np.ones(len(points), bool) if obstacles is None else obstacles.free(points)
+    free = obstacles.free(points)
     if not free.any():
         raise InputError(
             f"obstacles: no room to start from ({len(points)} uniform draws fell inside); give a start, or cover less"
@@ -175,7 +177,7 @@ def mission_parts(
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
-    real = jnp.result_type(float)
+    real = _real()
     truth = as_field(field, scenario.extent)
     # Arrays of NumPy in and out: each call of JAX outside of the compiled one costs a fifth of it.
     numbers = np.asarray(scenario.extent, real), np.asarray(scenario.mixture_variance, real)
@@ -249,7 +251,7 @@ def _draw_roadmaps(
     scenario: Scenario, seed: int, first: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
 ) -> Roadmap:
     """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
-    real = np.dtype(jnp.result_type(float))
+    real = _real()
 
     def team(instance: int, trial: int) -> Roadmap:
         roadmap = sample_roadmaps(
@@ -267,6 +269,11 @@ def _draw_roadmaps(
 
     drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
     return jax.tree.map(lambda *rows: _at_precision(real, np.stack(rows)), *drawn)
+
+
+def _real() -> np.dtype:
+    """JAX's precision; `jnp.result_type` takes longer to say so than a start takes to draw."""
+    return np.dtype(jax.dtypes.canonicalize_dtype(float))
 
 
 def _at_precision(real: np.dtype, array: Array | np.ndarray) -> np.ndarray:

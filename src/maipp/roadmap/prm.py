@@ -195,6 +195,8 @@ def check_starts(starts: Float[np.ndarray, "b 2"], size: Float[np.ndarray, "2"],
             f"start {_text(starts[outside][0])} lies outside the extent; "
             f"it must lie in [0, {size[0]:g}] x [0, {size[1]:g}]"
         )
+    if not len(obstacles):
+        return
     inside = ~obstacles.free(starts)
     if inside.any():
         start = starts[inside][0]
