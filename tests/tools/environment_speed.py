@@ -1,8 +1,11 @@
 """`python -m tests.tools.environment_speed`: decisions per CPU second of the environments, on one core.
 
-With `--also SRC`, the PettingZoo fronts of another source tree as well, in turns with those here.
+With `--also SRC`, the PettingZoo fronts of another source tree as well: round by round in turns with those here, since
+what else a machine does changes what a core gets done.
 """
 
+import os
+import statistics
 import subprocess
 import sys
 import time
@@ -29,9 +32,11 @@ class EnvironmentSpeed:
     worlds: int = 64
     """worlds of the functional environment and of the vector front"""
     repeat: int = 3
-    """times that each is timed; the best one counts"""
+    """times that each is timed; the best one counts, and the median of the ratios"""
     also: Path | None = None
     """src folder of another tree"""
+    answer: bool = False
+    """time a round of the front that each line of the input names (this is how the other tree is asked)"""
     fronts: tuple[str, ...] = ("functional", "vector", "aec", "parallel")
     """which of them"""
 
@@ -130,25 +135,78 @@ def parallel(scenario: Any, _: int) -> Callable[[], int]:
 FRONTS = {"functional": functional, "vector": vector, "aec": aec, "parallel": parallel}
 
 
-def main() -> int:
-    """Print decisions per CPU second of each front."""
-    flags = tyro.cli(EnvironmentSpeed)
+IN_TURNS = "aec", "parallel"  # what the other tree is asked for as well
+
+
+class Rounds:
+    """Rounds of the fronts of this process, each compiled when it is first asked for."""
+
+    def __init__(self, size: str, worlds: int) -> None:
+        self.size, self.worlds = size, worlds
+        self.plays: dict[str, Callable[[], int]] = {}
+
+    def rate(self, front: str) -> float:
+        """Decisions per CPU second of one round."""
+        import maipp
+
+        if front not in self.plays:
+            self.plays[front] = FRONTS[front](maipp.Scenario(**SIZES[self.size]), self.worlds)
+            self.plays[front]()
+        began = time.process_time()
+        decisions = self.plays[front]()
+        return decisions / (time.process_time() - began)
+
+
+class There:
+    """The same of another source tree, in a process of its own."""
+
+    def __init__(self, size: str, src: Path) -> None:
+        command = [sys.executable, __file__, "--size", size, "--answer"]
+        environment = os.environ | {"PYTHONPATH": str(src)}
+        self.process = subprocess.Popen(
+            command, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+
+    def rate(self, front: str) -> float:
+        """Decisions per CPU second of one round. Raises RuntimeError where the process has ended."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.write(f"{front}\n")
+        self.process.stdin.flush()
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"the other tree's process ended with exit code {self.process.wait()}")
+        return float(answer)
+
+    def end(self) -> None:
+        """Let the process end."""
+        self.process.communicate()
+
+
+def main(flags: EnvironmentSpeed | None = None) -> int:
+    """Print decisions per CPU second of each front; `flags` are those of the command line where None."""
+    flags = flags or tyro.cli(EnvironmentSpeed)
+    if flags.also is not None and not (flags.also / "maipp").is_dir():
+        print(f"error: --also {flags.also}: no folder maipp in it; give the src folder of a tree", file=sys.stderr)
+        return 2
     use_one_core()
+    here = Rounds(flags.size, flags.worlds)
+    if flags.answer:
+        for line in sys.stdin:
+            print(here.rate(line.strip()), flush=True)
+        return 0
     import maipp
 
+    there = None if flags.also is None else There(flags.size, flags.also)
     print(f"{Path(maipp.__file__).parent}, {flags.size}: {SIZES[flags.size]}", flush=True)
     for name in flags.fronts:
-        play = FRONTS[name](maipp.Scenario(**SIZES[flags.size]), flags.worlds)
-        play()
-        best = 0.0
-        for _ in range(flags.repeat):
-            began = time.process_time()
-            decisions = play()
-            best = max(best, decisions / (time.process_time() - began))
-        print(f"{name:10} {best:8.0f} decisions per CPU second ({decisions} decisions)", flush=True)
-    if flags.also is not None:
-        there = [sys.executable, __file__, "--size", flags.size, "--repeat", str(flags.repeat)]
-        return subprocess.run([*there, "--fronts", "aec", "parallel"], env={"PYTHONPATH": str(flags.also)}).returncode
+        both = there is not None and name in IN_TURNS
+        rates = [(here.rate(name), there.rate(name) if there and both else 1.0) for _ in range(flags.repeat)]
+        best, other = (max(rate[side] for rate in rates) for side in (0, 1))
+        ratio = statistics.median(one / two for one, two in rates)
+        also = f", there {other:.0f}; ratio {best / other:.2f}, median of rounds {ratio:.2f}" if both else ""
+        print(f"{name:10} {best:8.0f} decisions per CPU second{also}", flush=True)
+    if there is not None:
+        there.end()
     return 0
 
 

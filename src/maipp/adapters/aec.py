@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from pettingzoo import AECEnv
 
-from maipp.adapters.compiled import Rows, Sight, first, glance, play, told
+from maipp.adapters.compiled import Sight, told
+from maipp.adapters.packed import Words
 from maipp.adapters.survey import RENDER_MODES, Survey
 
 
@@ -27,21 +28,21 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         self.truncations = dict.fromkeys(self.agents, False)
         self._decided = [0] * self.scenario.agents
         self._sights: dict[str, Sight] = {}
-        self._now, rows = first(self._rules, self._kinds, self._world)
+        self._now = self._calls.first(self._world)
         self.infos: dict[str, dict[str, Any]] = {name: {} for name in self.agents}
-        self._turn(rows)
+        self._turn()
         self._render_if_watched()
 
-    def _turn(self, rows: Rows) -> None:
+    def _turn(self) -> None:
         """Give the turn to the agent that is due: reward its last decision, end its survey if nothing is left."""
-        sight = told(rows, self._size)
+        sight = told(self._calls.kinds, self._now, self._size)
         agent = self.possible_agents[sight.agent]
         self.agent_selection = agent
         self._sights[agent] = sight
         cut = not sight.end and self.max_cycles is not None and self._decided[sight.agent] >= self.max_cycles
         self.terminations[agent], self.truncations[agent] = sight.ended, sight.truncated or cut
         self.rewards[agent] = sight.gained
-        self.infos[agent] = self._info(sight, self._mask(agent))
+        self.infos[agent] = self._info(sight, self._mask(agent) if self._mask_apart else None)
         self._accumulate_rewards()
 
     def step(self, action: Any) -> None:
@@ -60,10 +61,16 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
             self._decided[self._index[agent]] += 1
             self._cumulative_rewards[agent] = 0.0
             self._clear_rewards()
-        self._now, rows = play(self._rules, self._kinds, self._now, self._world, choice, np.bool_(over))
+        moved = np.array((*choice, True, over), self._numbers)
         if self.agents:
-            self._turn(rows)
+            self._now = self._act(moved)
+            self._turn()
+        else:
+            self._owed = moved
         self._render_if_watched()
+
+    def _act(self, choices: np.ndarray) -> Words:
+        return self._calls.play(self._now, self._world, choices)
 
     def _mask(self, agent: str) -> np.ndarray:
         """What the agent may do now: nothing unless it is due."""
@@ -82,5 +89,6 @@ class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the 
         over = self.terminations.get(agent, True) or self.truncations.get(agent, True)
         if sight is None or not (agent == self.agent_selection or over):
             index = np.int32(self._index[agent])
-            sight = told(glance(self._rules, self._kinds, self._now, self._world, index), self._size)
+            row = self._calls.glance(self._settled(), self._world, index)
+            sight = told(self._calls.kinds, row, self._size)
         return self._observation(sight, self._mask(agent))

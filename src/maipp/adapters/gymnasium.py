@@ -12,7 +12,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from maipp.adapters.compiled import Sight, first, play, told
+from maipp.adapters.compiled import Sight, told
+from maipp.adapters.packed import Words
 from maipp.adapters.spaces import OBSERVATIONS, action_space, masked, observation_space
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.devices import keep_compiled, refuse_fork
@@ -45,10 +46,10 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         """A new world; what the first robot sees in it, and info. A seed also decides the worlds that follow."""
         gymnasium.Env.reset(self, seed=seed)
         self._fresh(seed, options)
-        self._now, rows = first(self._rules, self._kinds, self._world)
+        self._now = self._calls.first(self._world)
         self._sights: dict[str, Sight] = {}
         self._decisions, self._done = 0, False
-        observation, _, info = self._until_a_choice(told(rows, self._size))
+        observation, _, info = self._until_a_choice()
         self._render_if_watched()
         return observation, info
 
@@ -63,9 +64,9 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         name = self.possible_agents[self._sight.agent]
         choice = self._choice(name, action, self._sight)
         replaced = any(self._replaced)
-        self._now, rows = play(self._rules, self._kinds, self._now, self._world, choice, np.bool_(False))
+        self._now = self._act(np.array((*choice, True, False), self._numbers))
         self._decisions += 1
-        observation, reward, info = self._until_a_choice(told(rows, self._size))
+        observation, reward, info = self._until_a_choice()
         info["replaced"] = replaced
         over = self._sight.end
         cut = not over and self.max_cycles is not None and self._decisions >= self.max_cycles
@@ -73,12 +74,16 @@ class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare wh
         self._render_if_watched()
         return observation, reward, over and not self._sight.truncated, cut or self._sight.truncated, info
 
-    def _until_a_choice(self, sight: Sight) -> tuple[Any, float, dict[str, Any]]:
+    def _act(self, choices: np.ndarray) -> Words:
+        return self._calls.play(self._now, self._world, choices)
+
+    def _until_a_choice(self) -> tuple[Any, float, dict[str, Any]]:
         """Let robots stop that can go nowhere, until one can choose or all have ended; the sum of the rewards."""
+        sight = told(self._calls.kinds, self._now, self._size)
         reward = sight.gained
         while sight.end and not sight.last:
-            self._now, rows = play(self._rules, self._kinds, self._now, self._world, self._nowhere, np.bool_(True))
-            sight = told(rows, self._size)
+            self._now = self._act(np.array((*self._nowhere, True, True), self._numbers))
+            sight = told(self._calls.kinds, self._now, self._size)
             reward += sight.gained
         self._sight = sight
         mask = self.action_masks().astype(np.int8)

@@ -21,7 +21,8 @@ _APART = {
     *("pure_callback", "io_callback", "debug_callback"),
 }
 _CALLS = {"jit": "jaxpr", "custom_jvp_call": "call_jaxpr"}  # that are the program within, and where that is
-_FREE = {"slice", "reshape", "squeeze", "convert_element_type", "broadcast_in_dim", "iota"}  # quicker than to pass on
+# Quicker than to pass on.
+_FREE = {"slice", "reshape", "squeeze", "convert_element_type", "bitcast_convert_type", "broadcast_in_dim", "iota"}
 
 # XLA keeps such a call, and compiles it as one kernel. It says so nowhere, and ends the process over what it cannot
 # compile: with versions that this was not tried with, functions stay as they are.

@@ -1,4 +1,4 @@
-"""Pytrees in two arrays: a compiled call takes longer over fifty small arrays than over a decision."""
+"""Pytrees in one array: a compiled call takes longer over fifty small arrays than over a decision."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,15 +6,21 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
-from maipp.typing import Array, Float, Int
+from maipp.typing import Array, Int
+
+Words = Int[Array | np.ndarray, " _"]  # of whole numbers as wide as reals: the bits of reals, then all other numbers
 
 
-class Packed(NamedTuple):
-    """All numbers of a pytree."""
+def word() -> np.dtype:
+    """The whole numbers of packed pytrees, as wide as JAX's reals."""
+    return np.dtype(f"int{8 * real().itemsize}")
 
-    reals: Float[Array | np.ndarray, " r"]
-    others: Int[Array | np.ndarray, " i"]  # whole numbers and truth values, int32
+
+def real() -> np.dtype:
+    """JAX's reals."""
+    return np.dtype(jnp.result_type(float))
 
 
 class Packing(NamedTuple):
@@ -25,33 +31,42 @@ class Packing(NamedTuple):
 
     @staticmethod
     def of(tree: Any) -> "Packing":
-        """That of this pytree of arrays."""
+        """That of this pytree of arrays, or of their shapes and types."""
         leaves, kind = jax.tree.flatten(tree)
         return Packing(kind, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
 
-    def pack(self, tree: Any) -> Packed:
-        """The arrays of the tree one after the other, those of reals apart."""
-        real = jnp.result_type(float)
-        reals: list[Array] = [jnp.zeros(0, real)]
-        others: list[Array] = [jnp.zeros(0, jnp.int32)]
-        for leaf, (_, kind) in zip(jax.tree.leaves(tree), self.parts, strict=True):
-            floating = kind.kind == "f"
-            (reals if floating else others).append(jnp.ravel(leaf).astype(real if floating else jnp.int32))
-        return Packed(jnp.concatenate(reals), jnp.concatenate(others))
+    @property
+    def size(self) -> int:
+        """Words that it takes."""
+        return sum(math.prod(shape) for shape, _ in self.parts)
 
-    def pack_here(self, tree: Any) -> Packed:
-        """`pack` for arrays of NumPy, on the host; the two arrays are on the device."""
-        leaves = list(zip(jax.tree.leaves(tree), self.parts, strict=True))
-        reals = [leaf.ravel() for leaf, (_, kind) in leaves if kind.kind == "f"]
-        others = [leaf.ravel() for leaf, (_, kind) in leaves if not kind.kind == "f"]
-        real = jnp.result_type(float)
-        return jax.device_put(Packed(np.concatenate(reals, dtype=real), np.concatenate(others, dtype=np.int32)))
+    def pack(self, tree: Any) -> Words:
+        """The arrays of the tree one after the other, those of reals first."""
+        reals, others = self._apart(jax.tree.leaves(tree))
+        told = [lax.bitcast_convert_type(jnp.concatenate([jnp.ravel(leaf).astype(real()) for leaf in reals]), word())]
+        return jnp.concatenate(told + [jnp.ravel(leaf).astype(word()) for leaf in others])
 
-    def unpack(self, packed: Packed) -> Any:
-        """The tree again."""
-        at, leaves = [0, 0], []
+    def pack_here(self, tree: Any) -> Words:
+        """`pack` for arrays of NumPy, on the host."""
+        reals, others = self._apart(jax.tree.leaves(tree))
+        told = [np.concatenate([leaf.ravel() for leaf in reals], dtype=real()).view(word())]
+        return np.concatenate(told + [leaf.ravel() for leaf in others], dtype=word())
+
+    def _apart(self, leaves: list[Any]) -> tuple[list[Any], list[Any]]:
+        """The arrays of reals, and the others."""
+        pairs = list(zip(leaves, self.parts, strict=True))
+        return [leaf for leaf, (_, kind) in pairs if kind.kind == "f"], [
+            x for x, (_, kind) in pairs if kind.kind != "f"
+        ]
+
+    def unpack(self, words: Words) -> Any:
+        """The tree again; on the host for words of NumPy."""
+        at, leaves = [0, sum(math.prod(shape) for shape, kind in self.parts if kind.kind == "f")], []
         for shape, kind in self.parts:
             which, size = 0 if kind.kind == "f" else 1, math.prod(shape)
-            leaves.append(packed[which][at[which] : at[which] + size].reshape(shape).astype(kind))
+            part = words[at[which] : at[which] + size]
+            if which == 0:
+                part = part.view(real()) if isinstance(part, np.ndarray) else lax.bitcast_convert_type(part, real())
+            leaves.append(part.reshape(shape).astype(kind))
             at[which] += size
         return jax.tree.unflatten(self.kind, leaves)

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-import jax
 import numpy as np
 from pettingzoo import ParallelEnv
 
-from maipp.adapters.compiled import Sight, before_first, together, told
+from maipp.adapters.compiled import Sight, told_all
+from maipp.adapters.packed import Words
 from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.errors import InputError
 from maipp.roadmap import SHORTEST_LEG
@@ -34,26 +34,40 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         self._leaving: list[int] = []
         self._over: set[int] = set()
         self._sights: dict[int, Sight] = {}
-        self._now = before_first(self._rules, self._kinds, self._world)
-        self._advance({}, [])
+        self._now = self._calls.before_first(self._world)
+        self._advance(self._choices({}, []))
         self._render_if_watched()
         return self._seen(self.agents)
 
-    def _advance(self, choices: dict[int, np.ndarray], stopping: list[int]) -> list[Sight]:
-        """Those with a choice set off, those named stop; then who arrives next, which is returned.
+    @property
+    def _rows(self) -> int:  # type: ignore[override]
+        return self.scenario.agents
+
+    def _act(self, choices: np.ndarray) -> Words:
+        return self._calls.together(self._now, self._world, choices)
+
+    def _choices(self, choices: dict[int, tuple[Any, ...]], stopping: list[int]) -> np.ndarray:
+        """Those with a choice set off, those named stop, the others do nothing: (m, actions and two more)."""
+        rows = [(*self._nowhere, False, False)] * self.scenario.agents
+        for index, choice in choices.items():
+            rows[index] = (*choice, True, False)
+        for index in stopping:
+            rows[index] = (*self._nowhere, True, True)
+        return np.array(rows, self._numbers)
+
+    def _advance(self, choices: np.ndarray) -> list[Sight]:
+        """These are done; then who arrives next, which is returned.
 
         Everybody is seen then, but who has ended, which keeps its last sight.
         """
-        m = self.scenario.agents
-        actions = np.stack([choices.get(index, self._nowhere) for index in range(m)])
-        acting, stops = np.zeros(m, bool), np.zeros(m, bool)
-        stops[stopping] = True
-        acting[[*choices, *stopping]] = True
-        self._now, rows = together(self._rules, self._kinds, self._now, self._world, actions, acting, stops)
-        rows = jax.tree.map(np.asarray, rows)
-        for index in set(range(m)) - self._over:
-            self._sights[index] = told(rows, self._size, index)
-        return [sight for index, sight in self._sights.items() if sight.due and index not in self._over]
+        self._now = self._act(choices)
+        due = []
+        for index, sight in enumerate(told_all(self._calls.kinds, self._now, self._size)):
+            if index not in self._over:
+                self._sights[index] = sight
+                if sight.due:
+                    due.append(sight)
+        return due
 
     def step(self, actions: dict[str, Any]) -> Answer:
         """What all agents do until somebody arrives next. Only the actions of agents that have arrived are read.
@@ -84,14 +98,18 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
         going = {index: choice for index, choice in choices.items() if index not in staying}
         stopping = [*self._leaving, *staying]
         while True:  # until somebody can decide, or all have ended
-            due = self._advance(going, stopping)
+            choices = self._choices(going, stopping)
+            if len(self._over) == self.scenario.agents:
+                self._owed, stopping = choices, []
+                break
+            due = self._advance(choices)
             going, stopping = {}, [sight.agent for sight in due if sight.end]
             for sight in due:
                 name = self.possible_agents[sight.agent]
                 terminations[name], truncations[name] = sight.ended, sight.truncated
                 rewards[name] = sight.gained
             self._over.update(stopping)
-            if len(stopping) < len(due) or not due:
+            if len(stopping) < len(due):
                 break
         self._leaving = stopping
         self.agents = [name for name in was if self._index[name] not in self._over]
@@ -107,22 +125,24 @@ class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare
     def _time(self) -> float:
         return max(sight.time for sight in self._sights.values())
 
-    def _stays(self, choice: np.ndarray, sight: Sight) -> bool:
+    def _stays(self, choice: tuple[Any, ...], sight: Sight) -> bool:
         """Whether the choice is a waypoint on the spot, by which an agent ends its survey."""
         if self.form.actions != "waypoint":
             return False
         end = sight.vector[:2] * max(self.scenario.extent)  # where its leg ends, domain units
-        return bool(np.linalg.norm(choice - end) <= SHORTEST_LEG)
+        return bool(np.linalg.norm(np.asarray(choice) - end) <= SHORTEST_LEG)
 
     def _seen(self, names: list[str]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Observations and infos of these agents; who has ended may do nothing any more."""
         observations, infos = {}, {}
-        for name in names:
+        masks = np.zeros((len(names), self._moves), np.int8)
+        for name, mask in zip(names, masks, strict=True):
             sight = self._sights[self._index[name]]
-            mask = np.zeros(self._moves, np.int8)
-            if name in self.agents and sight.due:
+            if name not in self.agents:
+                pass
+            elif sight.due:
                 mask[: len(sight.allowed)] = sight.allowed
-            elif name in self.agents:
+            else:
                 mask[-1] = 1
             observations[name] = self._observation(sight, mask)
             infos[name] = self._info(sight, mask)

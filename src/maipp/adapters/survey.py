@@ -1,14 +1,16 @@
 """What all environments share: worlds, spaces, actions checked, the record and the picture."""
 
 import copy
+import dataclasses
+from functools import cached_property
 from typing import Any
 
 import gymnasium
 import jax
 import numpy as np
 
-from maipp.adapters.compiled import Kinds, Sight, kinds_of, opened, whole
-from maipp.adapters.packed import Packed
+from maipp.adapters.compiled import Calls, Sight, calls_of, kinds_of, opened, whole
+from maipp.adapters.packed import Words, real
 from maipp.adapters.picture import as_text, draw_survey, show
 from maipp.adapters.spaces import OBSERVATIONS, action_space, as_observation, masked, observation_space
 from maipp.devices import keep_compiled, refuse_fork
@@ -35,8 +37,10 @@ class Survey:
     """The part of an environment that does not depend on how agents take turns."""
 
     _extra_moves = 0  # besides those to the neighbours
-    _kinds: Kinds | None = None
-    _now: Packed | None = None  # the survey; None before the first reset
+    _rows: int | None = None  # rows that a compiled call gives: one for each agent, or None for that of the due one
+    _calls: Calls | None = None
+    _now: Words | None = None  # the survey; None before the first reset
+    _owed: np.ndarray | None = None  # what is still to be done in it, at the end, where nobody sees it
 
     def __init__(
         self,
@@ -84,7 +88,9 @@ class Survey:
         bounds = whole_bounds(scenario)
         self.state_space = gymnasium.spaces.Box(bounds.low, bounds.high, dtype=np.float32)
         self._size = int(local_bounds(scenario).low.size)  # of the vector of an observation
-        self._seeds = np.random.default_rng()
+        self._nowhere = (0.0, 0.0) if form.actions == "waypoint" else (0,)  # to go with a stop, which reads no choice
+        self._numbers = real() if form.actions == "waypoint" else np.dtype(np.int32)  # of choices
+        self._seeds: np.random.Generator | int | None = None  # of the worlds that follow, or what it is to be made from
         self._seed = 0
         self._figure: Any = None
 
@@ -105,27 +111,34 @@ class Survey:
         refuse_fork()
         instance = _instance(options)
         if seed is not None:
-            self._seeds = np.random.default_rng(check_seed(seed))
+            self._seeds = check_seed(seed)
         elif instance is None:
+            self._seeds = np.random.default_rng(self._seeds)
             seed = int(self._seeds.integers(_DRAWN_SEEDS))
         self._seed = self._seed if seed is None else seed
         roadmaps = self.form.actions == "neighbour"
         self._parts = mission_parts(
             self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
         )
-        if self._kinds is None:
-            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
-        self._world = self._kinds.world.pack_here(self._parts)
+        if self._calls is None:
+            self._calls = self._calls_now()
+        self._world = self._calls.hold(self._calls.kinds.world.pack_here(self._parts))
+        self._owed = None
         self._replaced = [False] * self.scenario.agents
 
+    def _calls_now(self) -> Calls:
+        seen = dataclasses.replace(self._rules, scenario=self.scenario).specs.observation
+        kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
+        return calls_of(self._rules, kinds)
+
     def __getstate__(self) -> dict[str, Any]:
-        """All but the kinds of what is packed: definitions of pytrees do not come back whole from a pickle."""
-        return self.__dict__ | {"_kinds": None}
+        """All but what is compiled, and for what: definitions of pytrees do not come back whole from a pickle."""
+        return self.__dict__ | {"_calls": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if self._now is not None:
-            self._kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts)
+            self._calls = self._calls_now()
 
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
@@ -133,35 +146,56 @@ class Survey:
             raise InputError("no survey yet: call reset() first")
         refuse_fork()
 
-    def _choice(self, agent: str, action: Any, sight: Sight) -> np.ndarray:
+    def _act(self, choices: np.ndarray) -> Words:
+        """The survey after this, and what is told then."""
+        raise NotImplementedError
+
+    def _settled(self) -> Words:
+        """The survey, with all that was to be done in it."""
+        self._check_begun()
+        if self._owed is not None:
+            self._now, self._owed = self._act(self._owed), None
+        return self._now
+
+    def _choice(self, agent: str, action: Any, sight: Sight) -> tuple[Any, ...]:
         """The agent's action as the engine takes it, which replaces a masked one; or it is refused here.
 
         Raises InputError for what is no action at all.
         """
-        space, index = self.action_spaces[agent], self._index[agent]
-        if isinstance(space, gymnasium.spaces.Box) and isinstance(action, np.ndarray) and action.dtype.kind == "f":
-            action = action.astype(np.float32)  # Gymnasium's boxes hold no float64
-        if action is None or not space.contains(action):
-            raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
+        if not (type(action) is int and 0 <= action < self._moves and self.form.actions == "neighbour"):
+            action = self._checked(agent, action)  # what is not seen at a glance
         if self.form.actions == "waypoint":
-            return np.asarray(action, np.float32)
-        number = int(action)
+            return tuple(np.asarray(action, np.float32))
+        number, index = int(action), self._index[agent]
         self._replaced[index] = not (number < len(sight.allowed) and sight.allowed[number])
         if self._replaced[index] and self._masked == "raise":
             may = np.flatnonzero(sight.allowed).tolist()
             raise InputError(f"{agent}: action {number} is masked; allowed now: {may}")
-        return np.asarray(number, np.int32)
+        return (number,)
 
-    @property
-    def _nowhere(self) -> np.ndarray:
-        """A choice to go with a stop, which reads none."""
-        return np.zeros(2, np.float32) if self.form.actions == "waypoint" else np.zeros((), np.int32)
+    def _checked(self, agent: str, action: Any) -> Any:
+        """The action as a member of the agent's space. Raises InputError where it is none."""
+        space = self.action_spaces[agent]
+        if isinstance(space, gymnasium.spaces.Box) and isinstance(action, np.ndarray) and action.dtype.kind == "f":
+            action = action.astype(np.float32)  # Gymnasium's boxes hold no float64
+        if action is None or not space.contains(action):
+            raise InputError(f"{agent}: {_brief(action)} is not an action; give a member of {space}")
+        return action
+
+    @cached_property
+    def _mask_apart(self) -> bool:
+        """Whether `info` holds the mask."""
+        return self.form.actions == "neighbour" and not self._mask_inside
+
+    @cached_property
+    def _mask_inside(self) -> bool:
+        """Whether an observation holds the mask."""
+        return masked(self.form, self._observations)
 
     def _observation(self, sight: Sight, mask: np.ndarray) -> Any:
-        inside = masked(self.form, self._observations)
-        return as_observation(self.scenario, sight, mask if inside else None)
+        return as_observation(self.scenario, sight, mask if self._mask_inside else None)
 
-    def _info(self, sight: Sight, mask: np.ndarray) -> dict[str, Any]:
+    def _info(self, sight: Sight, mask: np.ndarray | None) -> dict[str, Any]:
         """What is no part of the observation: times and lengths in the scenario's units."""
         info = {
             "time": sight.time,
@@ -170,15 +204,14 @@ class Survey:
             "travelling": not sight.due,
             "replaced": self._replaced[sight.agent],
         }
-        if self._observations == "box" and self.form.actions == "neighbour":
+        if self._mask_apart:
             info["action_mask"] = mask
         return info
 
     @property
     def _state(self) -> EnvState:
         """The survey now, in its parts."""
-        self._check_begun()
-        return opened(self._kinds, self._now, self._world)
+        return opened(self._calls.kinds, self._settled(), self._world)
 
     @property
     def _time(self) -> float:
@@ -187,12 +220,10 @@ class Survey:
 
     def state(self) -> np.ndarray:
         """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
-        self._check_begun()
-        return np.asarray(whole(self._kinds, self._now, self._world, np.asarray(self._time)))
+        return np.asarray(whole(self._calls.kinds, self._settled(), self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
-        self._check_begun()
         missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
         return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 

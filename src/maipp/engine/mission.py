@@ -101,8 +101,10 @@ def _free_start(
     draws: Float[np.ndarray, "d 2"], scenario: Scenario, obstacles: Obstacles | None
 ) -> Float[np.ndarray, "2"]:
     """The first uniform draw outside the no-go zones."""
+    if obstacles is None:
+        return draws[0] * np.asarray(scenario.extent)
     points = draws * np.asarray(scenario.extent)
-    free = np.ones(len(points), bool) if obstacles is None else obstacles.free(points)
+    free = obstacles.free(points)
     if not free.any():
         raise InputError(
             f"obstacles: no room to start from ({len(points)} uniform draws fell inside); give a start, or cover less"
@@ -175,7 +177,7 @@ def mission_parts(
         roadmaps, encodings = planner.uses_roadmap, planner.encoding_dimensions
     samples = prior_arrays(prior, prior_noise)
     obstacles = Obstacles(scenario.obstacles) if scenario.obstacles else None
-    real = jnp.result_type(float)
+    real = _real()
     truth = as_field(field, scenario.extent)
     # Arrays of NumPy in and out: each call of JAX outside of the compiled one costs a fifth of it.
     numbers = np.asarray(scenario.extent, real), np.asarray(scenario.mixture_variance, real)
@@ -198,24 +200,27 @@ def mission_parts(
         """The same for each trial of an instance."""
         return np.repeat(array, trials, axis=0)
 
-    parts = dict(
-        params=jax.tree.map(every, _numbers(scenario, real)),
-        field=jax.tree.map(each, fields),
+    # Drawn worlds and numbers are at the precision already.
+    at_precision = partial(_at_precision, real)
+    homes = _homes(scenario, starts, trials) if scenario.homes else None
+    return dict(
+        params=_numbers(scenario, real, batch),
+        field=jax.tree.map(each, fields) if trials > 1 else fields,
         grid=every(grid),
         truth=each(truth),
         inside=every(inside),
-        start=each(starts),
+        start=at_precision(each(starts)),
         roadmap=_draw_roadmaps(scenario, seed, first, starts, trials, encodings) if roadmaps else None,
-        home=_homes(scenario, starts, trials) if scenario.homes else None,
-        **{name: every(array) for name, array in samples.items()},
+        home=jax.tree.map(at_precision, homes),
+        **{name: at_precision(every(array)) for name, array in samples.items()},
     )
-    return jax.tree.map(partial(_at_precision, real), parts)
 
 
 @lru_cache(maxsize=64)
-def _numbers(scenario: Scenario, real: np.dtype) -> Params:
-    """The numbers of a scenario on the host; `real` is JAX's precision, with which they are made."""
-    return jax.device_get(params_of(scenario))
+def _numbers(scenario: Scenario, real: np.dtype, batch: int) -> Params:
+    """The numbers of a scenario on the host, for each mission; `real` is JAX's precision, with which they are made."""
+    numbers = jax.device_get(params_of(scenario))
+    return jax.tree.map(lambda array: np.broadcast_to(array, (batch, *np.shape(array))), numbers)
 
 
 def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) -> Home:
@@ -246,12 +251,13 @@ def _draw_roadmaps(
     scenario: Scenario, seed: int, first: int, starts: Float[np.ndarray, "i m 2"], trials: int, encodings: int
 ) -> Roadmap:
     """A roadmap for every agent of every mission; one depends on seed, instance and trial only."""
+    real = _real()
 
     def team(instance: int, trial: int) -> Roadmap:
         roadmap = sample_roadmaps(
             np.random.default_rng([seed, first + instance, trial]),
             # Through the device's precision, so that node 0 is exactly where the agent starts.
-            starts[instance].astype(jnp.result_type(float)),
+            starts[instance].astype(real),
             nodes=scenario.nodes,
             neighbours=scenario.neighbours,
             extent=scenario.extent,
@@ -262,7 +268,12 @@ def _draw_roadmaps(
         return dataclasses.replace(roadmap, encoding=laplacian_encoding(roadmap, encodings))
 
     drawn = [team(instance, trial) for instance in range(len(starts)) for trial in range(trials)]
-    return jax.tree.map(lambda *rows: np.stack(rows), *drawn)
+    return jax.tree.map(lambda *rows: _at_precision(real, np.stack(rows)), *drawn)
+
+
+def _real() -> np.dtype:
+    """JAX's precision; `jnp.result_type` takes longer to say so than a start takes to draw."""
+    return np.dtype(jax.dtypes.canonicalize_dtype(float))
 
 
 def _at_precision(real: np.dtype, array: Array | np.ndarray) -> np.ndarray:

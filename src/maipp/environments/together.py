@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from maipp.belief import Belief
+from maipp.engine.decision import Observation
 from maipp.engine.mission import Mission
 from maipp.engine.observe import hear, knowledge, observe, time_tolerance
 from maipp.engine.rows import pick, put
@@ -27,12 +29,26 @@ class Seen(NamedTuple):
     gained: Float[Array, "*m"]  # reward since its last decision, without that for its end
 
 
-def _now(env: Environment, state: EnvState, mission: Mission, survey: State, agent: Index, params: Mission) -> Seen:
-    """What an agent sees at the survey's time; nothing is taken over into the state."""
+def _heard(mission: Mission, survey: State, agent: Index) -> Observation:
+    """What an agent observes at the survey's time; nothing is taken over into the state."""
     heard_state, heard = hear(mission, survey, agent)
-    observation = observe(mission, knowledge(mission, heard_state, agent, heard))
+    return observe(mission, knowledge(mission, heard_state, agent, heard))
+
+
+def _now(
+    env: Environment,
+    state: EnvState,
+    mission: Mission,
+    survey: State,
+    agent: Index,
+    params: Mission,
+    belief: Belief | None = None,
+) -> Seen:
+    """What an agent sees at the survey's time; `belief` is what it believes, where that is known."""
+    observation = _heard(mission, survey, agent)
     roadmap = env.roadmap(params, state.row, agent)
-    observation = dataclasses.replace(observation, roadmap=roadmap)
+    known = observation.belief if belief is None else belief
+    observation = dataclasses.replace(observation, roadmap=roadmap, belief=known)
     there = options(mission, roadmap, survey, agent)
     view = sight(env.form, mission, survey, observation, there)
     gained = worth(env.kind, pick(state.before, agent), view.trace)
@@ -44,6 +60,15 @@ def look(env: Environment, state: EnvState, agent: Index, params: Mission) -> Se
     return _now(env, state, mission_of(params, state), state.survey, agent, params)
 
 
+def believe_alike(mission: Mission) -> bool:
+    """Whether all agents believe the same at a moment: everybody is heard, and no belief is of a part of what is known.
+
+    But for what is measured within the time tolerance after it.
+    """
+    slots = mission.shape.agents * mission.shape.slots + (0 if mission.prior is None else mission.prior.y.shape[0])
+    return not mission.shape.limited and slots <= mission.shape.belief_capacity
+
+
 def look_all(env: Environment, state: EnvState, params: Mission) -> tuple[EnvState, Seen]:
     """What every agent sees when the next one arrives; who is due then is rewarded from there on."""
     mission, survey = mission_of(params, state), state.survey
@@ -51,9 +76,13 @@ def look_all(env: Environment, state: EnvState, params: Mission) -> tuple[EnvSta
     due = survey.active & (arrival <= jnp.min(arrival) + time_tolerance(mission.params.speeds))
     time = jnp.where(survey.active.any(), jnp.maximum(survey.time, jnp.min(arrival)), survey.time)
 
+    belief = None
+    if believe_alike(mission):
+        belief = _heard(mission, dataclasses.replace(survey, time=time), jnp.int32(0)).belief
+
     def one(agent: Index) -> Seen:
         own = jnp.where(due[agent], jnp.maximum(time, survey.arrival[agent]), time)
-        seen = _now(env, state, mission, dataclasses.replace(survey, time=own), agent, params)
+        seen = _now(env, state, mission, dataclasses.replace(survey, time=own), agent, params, belief)
         return seen._replace(time=time, due=due[agent])
 
     seen = jax.vmap(one)(jnp.arange(params.shape.agents))

@@ -27,6 +27,9 @@ ObstaclesLike = Obstacles | Sequence[Vertices]
 # Below this share of the extent, rejection sampling would draw more than 1000 points for each one kept.
 _LEAST_FREE_SHARE = 1e-3
 
+# Up to so many, all pairs of nodes are sorted: with 60 a third of the time of a tree.
+_FEW_NODES = 128
+
 
 class Roadmap(eqx.Module):
     """The waypoint graph of one agent, or of a batch (leading axes: missions, agents).
@@ -63,11 +66,14 @@ def build_roadmap(nodes: Float[AnyArray, "*batch n 2"], neighbours: int, obstacl
     order = np.empty((len(flat), count, neighbours), dtype=np.int32)
     distances = np.empty(order.shape)
     reachable = np.ones(order.shape, dtype=bool)
-    for row, positions in enumerate(flat):
-        if len(obstacles):
-            order[row], distances[row], reachable[row] = _nearest_in_sight(positions, neighbours, obstacles)
-        else:
-            order[row], distances[row] = _nearest(KDTree(positions), np.arange(count), neighbours)
+    if not len(obstacles) and count <= _FEW_NODES:
+        order[:], distances[:] = _nearest_of_few(flat, neighbours)
+    else:
+        for row, positions in enumerate(flat):
+            if len(obstacles):
+                order[row], distances[row], reachable[row] = _nearest_in_sight(positions, neighbours, obstacles)
+            else:
+                order[row], distances[row] = _nearest(KDTree(positions), np.arange(count), neighbours)
     shape = (*points.shape[:-1], neighbours)
     return Roadmap(points, order.reshape(shape), distances.reshape(shape), reachable.reshape(shape))
 
@@ -117,6 +123,19 @@ def _obstacles(obstacles: ObstaclesLike) -> Obstacles:
 def _nothing_there() -> Obstacles:
     """No obstacles, whose geometry takes as long to make as a roadmap."""
     return Obstacles()
+
+
+def _nearest_of_few(maps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The `count` nearest others of every node of its map (b, n, 2), and their distances, each (b, n, count).
+
+    All pairs: sorting a few is quicker than searching a tree of them.
+    """
+    x, y = maps[..., 0], maps[..., 1]
+    across, along = x[:, :, None] - x[:, None], y[:, :, None] - y[:, None]
+    squared = across * across + along * along
+    squared[:, *np.diag_indices(maps.shape[1])] = np.inf
+    order = np.argsort(squared, axis=-1)[..., :count]
+    return order, np.sqrt(np.take_along_axis(squared, order, axis=-1))
 
 
 def _nearest(tree: KDTree, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -176,6 +195,8 @@ def check_starts(starts: Float[np.ndarray, "b 2"], size: Float[np.ndarray, "2"],
             f"start {_text(starts[outside][0])} lies outside the extent; "
             f"it must lie in [0, {size[0]:g}] x [0, {size[1]:g}]"
         )
+    if not len(obstacles):
+        return
     inside = ~obstacles.free(starts)
     if inside.any():
         start = starts[inside][0]
