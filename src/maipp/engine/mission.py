@@ -17,6 +17,7 @@ from maipp.engine.rows import pick
 from maipp.errors import InputError
 from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.fields.own import as_field
+from maipp.kept import kept
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
@@ -71,7 +72,7 @@ def _instance_keys(key: Key, first: Index, instances: int) -> Keys:
     return jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(instances))
 
 
-@partial(jax.jit, static_argnames=("points", "components", "instances"))
+@kept
 def _draw_worlds(
     seed: UInt[Array, ""],
     first: Index,

@@ -21,6 +21,7 @@ from maipp.engine.observe import turn
 from maipp.engine.rows import pick
 from maipp.engine.state import RECORD_FULL, State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
+from maipp.kept import kept
 from maipp.typing import Array, Bool, Float, Index, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
@@ -181,7 +182,7 @@ def _run_lanes(
     return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
 
 
-@eqx.filter_jit
+@kept
 def _run_sharded(
     planner: Planner,
     missions: Mission,

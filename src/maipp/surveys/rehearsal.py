@@ -15,6 +15,7 @@ from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
 from maipp.engine.score import Standing, moments_of, standing, taken_by
+from maipp.kept import kept
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
@@ -152,7 +153,7 @@ def _on_fields(missions: Mission, fields: Any) -> Mission:
     return dataclasses.replace(missions, field=fields, truth=truth)
 
 
-@eqx.filter_jit
+@kept
 def outcomes(missions: Mission, states: State) -> Outcome:
     """The outcomes of finished missions, one after the other to keep the memory of one."""
     return lax.map(lambda pair: _outcome(*pair), (missions, states))
