@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import pickle
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,11 +11,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from maipp.kept import store
 from maipp.kept.names import UnnamedError, array_name, name_of
-from maipp.kept.surroundings import options, origin
+from maipp.kept.surroundings import options, platform_here, source
 
 # With one of these on, JAX looks into what it traces or runs: that is for JAX itself to do.
 _WATCHED = (
@@ -69,10 +71,9 @@ class Kept:
         """The program of this call, from the store or compiled; None where no name stands for it."""
         function = f"{self._function.__module__}.{self._function.__qualname__}"
         try:
-            made_of = repr((origin(), function, name_of((args, kwargs)), options()))
+            name = _digest("call", source(), function, name_of((args, kwargs)))
         except UnnamedError:
             return None
-        name = f"{self._function.__name__.strip('_')}-{hashlib.sha256(made_of.encode()).hexdigest()}"
         return _read(name) or self._compiled(name, leaves, tree)
 
     def _compiled(self, name: str, leaves: list[Any], tree: Any) -> _Program:
@@ -91,10 +92,16 @@ class Kept:
             return [outputs[place] for place in places]
 
         lowered = jax.jit(flat).lower(*filter(eqx.is_array, leaves))
-        compiled = lowered.compile()
-        if "callback" not in lowered.as_text():  # an address in this process
-            _write(name, compiled, result)
-        return _Program(compiled, result)
+        text = lowered.as_text()
+        if "callback" in text:  # an address in this process
+            return _Program(lowered.compile(), result)
+        program = _digest("program", text)
+        run = _read_program(program)  # other source, the same program
+        if run is None:
+            run = _compiled_whole(lowered)
+            _write_program(program, run)
+        _write_call(name, program, result)
+        return _Program(run, result)
 
 
 def kept(function: Callable[..., Any]) -> Kept:
@@ -116,30 +123,72 @@ def _signature(leaf: Any) -> tuple[Any, ...]:
     return array_name(leaf) if eqx.is_array(leaf) else ("static", type(leaf), leaf)
 
 
+def _digest(kind: str, *parts: str) -> str:
+    """The name of a file for what is made of these parts here and now."""
+    return f"{kind}-{hashlib.sha256(repr((*parts, platform_here(), options())).encode()).hexdigest()}"
+
+
 def _read(name: str) -> _Program | None:
-    """The program of this name; None where there is none that can be used here."""
+    """The program of a call; None where there is none that can be used here."""
     content = store.read(name)
     if content is None:
         return None
     try:
-        devices, *program, result = pickle.loads(content)
+        program, result = pickle.loads(content)
+    except Exception:  # whatever a file made by something else brings about: it is traced anew
+        return None
+    run = _read_program(program)
+    return None if run is None else _Program(run, result)
+
+
+def _read_program(name: str) -> Callable[..., Any] | None:
+    """The program of this name, compiled; None where there is none that can be used here."""
+    content = store.read(name)
+    if content is None:
+        return None
+    try:
+        devices, *program = pickle.loads(content)
         _ready_lapack()
         here = {device.id: device for device in jax.local_devices()}
-        compiled = deserialize_and_load(*program, execution_devices=[here[number] for number in devices])
-    except Exception:  # whatever a file made by something else brings about: it is compiled anew
+        return deserialize_and_load(*program, execution_devices=[here[number] for number in devices])
+    except Exception:  # as above
         return None
-    return _Program(compiled, result)
 
 
-def _write(name: str, compiled: jax.stages.Compiled, result: Any) -> None:
+def _write_call(name: str, program: str, result: Any) -> None:
+    """Keep which program a call is, and what it gives, where that can be written down."""
+    try:
+        content = pickle.dumps((program, result))
+    except Exception:  # such as a function that has no name
+        return
+    store.write(name, content)
+
+
+def _write_program(name: str, compiled: jax.stages.Compiled) -> None:
     """Keep a program, where JAX can write it down."""
     shardings = jax.tree.leaves((compiled.input_shardings, compiled.output_shardings))
     devices = sorted({device.id for sharding in shardings for device in sharding.device_set})
     try:
-        content = pickle.dumps((devices, *serialize(compiled), result))
-    except Exception:  # such as a function among the result
+        content = pickle.dumps((devices, *serialize(compiled)))
+    except Exception:  # whatever kind of program cannot be
         return
     store.write(name, content)
+
+
+_compiling = threading.Lock()
+
+
+def _compiled_whole(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+    """Compiled without JAX's own cache: what comes from there lacks its code when it is written down again."""
+    with _compiling:
+        used = jax.config.values["jax_enable_compilation_cache"]
+        jax.config.update("jax_enable_compilation_cache", False)
+        compilation_cache.reset_cache()  # JAX looks whether there is one once, at its first compilation
+        try:
+            return lowered.compile()
+        finally:
+            jax.config.update("jax_enable_compilation_cache", used)
+            compilation_cache.reset_cache()
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""The files of compiled programs, in a folder of their own below `devices.cache_folder`."""
+"""The files of compiled programs and of the calls they answer, in a folder below `devices.cache_folder`."""
 
 import contextlib
 import hashlib

@@ -19,19 +19,24 @@ _NO_MATTER = ("cache", "log", "_dump", "traceback", "explain", "pprint")
 
 
 @cache
-def origin() -> str:
-    """Of this process, for as long as it runs: a digest of the source, the versions, the machine and XLA's flags."""
+def source() -> str:
+    """A digest of maipp's source."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         content = path.read_bytes()
         digest.update(f"{path.relative_to(_PACKAGE)} {len(content)} ".encode())
         digest.update(content)
+    return digest.hexdigest()
+
+
+@cache
+def platform_here() -> str:
+    """What compiles and runs in this process: versions, devices, the machine and XLA's flags."""
     versions = [f"{name} {version(name)}" for name in _MADE_BY]
     devices = [(device.id, device.device_kind) for device in jax.local_devices()]
     backend = jax.local_devices()[0].client.platform_version
-    flags = os.environ.get("XLA_FLAGS", ""), os.environ.get("LIBTPU_INIT_ARGS", "")
-    digest.update(repr((versions, sys.version, devices, backend, flags, _machine())).encode())
-    return digest.hexdigest()
+    flags = os.environ.get("XLA_FLAGS", ""), os.environ.get("NPROC", "")
+    return repr((versions, sys.version, devices, backend, flags, _machine()))
 
 
 def options() -> tuple[tuple[str, Any], ...]:
