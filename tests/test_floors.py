@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 FLOORS = (
-    ("typing", "errors", "extensions", "cgroup", "devices", "files", "markdown", "records", "seeds"),
+    ("typing", "errors", "extensions", "cgroup", "devices", "files", "kept", "markdown", "records", "seeds"),
     ("geo", "per_agent", "scenario", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),

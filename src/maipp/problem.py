@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from maipp.errors import InputError
 from maipp.scenario import Scenario
@@ -99,14 +101,20 @@ class Params(eqx.Module):
 
 def params_of(scenario: Scenario) -> Params:
     """The numbers of a scenario, at JAX's precision."""
+    return jax.device_put(host_params_of(scenario))
+
+
+def host_params_of(scenario: Scenario) -> Params:
+    """The same on the host, in NumPy."""
     real = jnp.result_type(float)
     values = {
-        field.name: jnp.asarray(getattr(scenario, field.name), real)
+        field.name: np.asarray(getattr(scenario, field.name), real)
         for field in dataclasses.fields(Params)
         if field.name not in ("present", "comm_range", "warp")
     }
     reach = math.inf if scenario.comm_range is None else scenario.comm_range
-    return Params(present=jnp.ones(scenario.agents, bool), comm_range=jnp.asarray(reach, real), **values)
+    present: Any = np.ones(scenario.agents, bool)
+    return Params(present=present, comm_range=np.asarray(reach, real), **values)
 
 
 class Problem(eqx.Module):

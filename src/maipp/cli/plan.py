@@ -179,6 +179,7 @@ def _simulate(
 
     from maipp.engine import draw_missions, run_missions
     from maipp.engine.episode import Episode
+    from maipp.engine.keys import key_of
     from maipp.engine.rollout import run_recorded
     from maipp.planners.announced.record import tells_plans, told_in, whole_message
 
@@ -193,12 +194,12 @@ def _simulate(
     except ValueError as error:  # obstacles or a start that leave no way to go
         raise InputError(str(error)) from error
     advance()
-    told = ()
+    told, key = (), key_of(seed)
     if tells_plans(planner):
-        states, events = run_recorded(planner, missions, jax.random.key(seed), whole_message)
+        states, events = run_recorded(planner, missions, key, whole_message)
         told = told_in(events)
     else:
-        states = jax.block_until_ready(run_missions(planner, missions, jax.random.key(seed)))
+        states = jax.block_until_ready(run_missions(planner, missions, key))
     advance()
     there = None if field is None else field.reference
     episode = Episode.from_state(scenario, name, options, seed, missions, states, reference=there)

@@ -13,6 +13,7 @@ from maipp.engine.observe import observe
 from maipp.engine.owed import decided
 from maipp.engine.polyline import cut_leg, distances
 from maipp.engine.state import AT_HOME, BY_PLANNER, HOMEWARD, NOT_FINITE, SPENT, TRAVELLING
+from maipp.kept import kept
 from maipp.problem import Problem
 from maipp.roadmap import Home
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -100,7 +101,7 @@ def ask(planner: Planner, mission: Mission, key: Key, observation: Observation, 
     return decided(planner.on(mission.problem), key, observation, memory)
 
 
-@eqx.filter_jit
+@kept
 def decide(planner: Planner, mission: Mission, key: Key, known: Knowledge, memory: PyTree) -> Departure:
     """One decision of one agent from what it knows, compiled: what a survey outside of batches asks."""
     observation = observe(mission, known)

@@ -18,6 +18,7 @@ from maipp.engine.score import interest_of, kernel_of
 from maipp.engine.state import REASONS, State
 from maipp.fields.mixture import evaluation_grid
 from maipp.geo import GeoReference
+from maipp.kept import kept
 from maipp.problem import Problem, problem_of
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.typing import Array, Bool, Float, Int
@@ -283,7 +284,7 @@ def replay(episode: Episode) -> EpisodeMetrics:
     )
 
 
-@jax.jit
+@kept
 def _grid_beliefs(
     scenario: Problem,
     x: Float[Array, "n 2"],
@@ -309,7 +310,7 @@ def _grid_beliefs(
     return lax.map(one, masks)
 
 
-@jax.jit
+@kept
 def _information(
     scenario: Problem,
     x: Float[Array, "n 2"],

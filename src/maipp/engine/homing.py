@@ -1,10 +1,10 @@
 """The way home is kept affordable: a leg that goes too far is left for the shortest way home."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from maipp.engine.polyline import along, distances, without_repeats
+from maipp.kept import kept
 from maipp.roadmap.home import Home, lengths_home, way_home
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Point, Real
@@ -39,7 +39,7 @@ def led_home(
     return jnp.concatenate([followed, way]), turns
 
 
-@eqx.filter_jit
+@kept
 def _first_way(home: Home, here: Point) -> tuple[Float[Array, "w 2"], Float[Array, ""]]:
     return way_home(home, here), lengths_home(home, here[None])[0]
 

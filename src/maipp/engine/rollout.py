@@ -21,6 +21,7 @@ from maipp.engine.observe import turn
 from maipp.engine.rows import pick
 from maipp.engine.state import RECORD_FULL, State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
+from maipp.kept import kept
 from maipp.typing import Array, Bool, Float, Index, Int, Key, Keys
 
 # Missions an accelerator steps together; a CPU core takes `Planner.missions_per_core`.
@@ -181,21 +182,23 @@ def _run_lanes(
     return lax.while_loop(lambda lane: jnp.any(lane.number < count), travel, lane).final
 
 
-@eqx.filter_jit
+@kept
 def _run_sharded(
     planner: Planner,
     missions: Mission,
     begun: _Pair | None,
-    keys: Keys,
+    key: Key,
+    numbers: Int[Array | np.ndarray, " b"],
     devices: int,
     lanes: int,
     capacity: int,
     keep: Keep | None,
 ) -> _Pair:
-    """Final states; the batch is padded with its last mission to a multiple of the devices."""
+    """Final states of missions with these numbers; the batch is padded with its last to a multiple of the devices."""
     arrays, static = eqx.partition(planner, eqx.is_array)
     count = batch_size(missions)
     index = jnp.minimum(jnp.arange(math.ceil(count / devices) * devices), count - 1)
+    keys = jax.vmap(partial(jax.random.fold_in, key))(numbers)
 
     def per_device(arrays: Planner, missions: Mission, begun: _Pair | None, keys: Keys) -> _Pair:
         return _run_lanes(eqx.combine(arrays, static), missions, begun, keys, lanes, capacity, keep)
@@ -240,27 +243,34 @@ def run_recorded(planner: Planner, missions: Mission, key: Key, keep: Keep, *, f
 def _run(planner: Planner, missions: Mission, key: Key, first: int, keep: Keep | None) -> _Pair:
     """Run, and where a planner's steps are so small that the record of a route is full, go on with more room."""
     refuse_to_cross(missions.shape.has_zones, planner)
-    planner = planner.on(jax.tree.map(lambda a: a[0], missions.problem))
-    keys = jax.vmap(partial(jax.random.fold_in, key))(first + jnp.arange(batch_size(missions)))
+    # On the host, where nothing has to be compiled for it.
+    planner = planner.on(jax.device_put(jax.tree.map(lambda a: a[0], jax.device_get(missions.problem))))
+    numbers = np.arange(first, first + batch_size(missions), dtype=np.int32)
     capacity = route_capacity(missions.problem, planner)
     most = _MOST_ROOM * capacity
-    done = _run_some(planner, missions, None, keys, capacity, keep)
+    done = _run_some(planner, missions, None, key, numbers, capacity, keep)
     while (rest := np.flatnonzero(np.asarray(done[0].full).any(axis=-1))).size:
         # Through the host: few missions may run on fewer devices than all of them did.
         done = jax.tree.map(jnp.asarray, jax.device_get(done))
-        some, begun, more = jax.tree.map(lambda a: a[rest], (missions, done, keys))
+        some, begun = jax.tree.map(lambda a: a[rest], (missions, done))
         if capacity < most:
             capacity = min(4 * capacity, most)
             begun = _with_room(begun, capacity)
         else:
             begun = _stopped_short(begun[0]), begun[1]
-        longer = jax.device_get(_run_some(planner, some, begun, more, capacity, keep))
+        longer = jax.device_get(_run_some(planner, some, begun, key, numbers[rest], capacity, keep))
         done = _put_back(done, rest, longer)
     return done
 
 
 def _run_some(
-    planner: Planner, missions: Mission, begun: _Pair | None, keys: Keys, capacity: int, keep: Keep | None
+    planner: Planner,
+    missions: Mission,
+    begun: _Pair | None,
+    key: Key,
+    numbers: Int[np.ndarray, " b"],
+    capacity: int,
+    keep: Keep | None,
 ) -> _Pair:
     """The missions from where they are, on all devices."""
     count = batch_size(missions)
@@ -268,7 +278,7 @@ def _run_some(
     # No more lanes than it takes: where all missions are equally long, a last round with empty lanes costs as much.
     each = math.ceil(count / devices)
     lanes = math.ceil(each / math.ceil(each / lanes_at_most(planner)))
-    return _run_sharded(planner, missions, begun, keys, devices, lanes, capacity, keep)
+    return _run_sharded(planner, missions, begun, key, numbers, devices, lanes, capacity, keep)
 
 
 def _with_room(begun: _Pair, capacity: int) -> _Pair:

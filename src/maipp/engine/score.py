@@ -11,6 +11,7 @@ from maipp.belief import KERNELS, Belief, Interest, Kernel, condition, rmse, tra
 from maipp.engine.finite import mission_number, refuse_non_finite
 from maipp.engine.mission import Mission
 from maipp.engine.state import NOT_FINITE, RECORD_FULL, State
+from maipp.kept import kept
 from maipp.problem import ScenarioLike
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float
@@ -133,13 +134,13 @@ def score_missions(missions: Mission, states: State, *, name: Callable[[int], st
     return metrics
 
 
-@eqx.filter_jit
+@kept
 def _score_missions(missions: Mission, states: State) -> Metrics:
     """The metrics, one mission after the other to keep the memory of one."""
     return lax.map(lambda pair: _score(*pair), (missions, states))
 
 
-@eqx.filter_jit
+@kept
 def trace_over_time(mission: Mission, state: State, times: Float[Array, " t"]) -> Float[Array, " t"]:
     """Tr(P) of the pooled belief of one mission at each time."""
     moments = moments_of(mission, state)

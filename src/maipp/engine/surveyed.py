@@ -1,6 +1,5 @@
 """What missions leave when they are over: the ways of their agents, and the team's belief at any points."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +8,7 @@ from maipp.engine.mission import Mission
 from maipp.engine.score import belief_of, taken_by
 from maipp.engine.state import State
 from maipp.errors import InputError
+from maipp.kept import kept
 from maipp.typing import Array, Float
 
 
@@ -40,7 +40,7 @@ def belief_at(
     return _belief_at(one, state, points, jnp.asarray(time, points.dtype))
 
 
-@eqx.filter_jit
+@kept
 def _belief_at(mission: Mission, state: State, points: Array, time: Array) -> tuple[Array, Array]:
     belief = belief_of(mission, state, taken_by(state, time)).on(points)
     return belief.mean, belief.variance

@@ -3,7 +3,9 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from maipp.kept import kept
 from maipp.typing import Array, Bool, Extent, Float, Key
 
 
@@ -11,6 +13,16 @@ def evaluation_grid(points_per_side: int = 30, extent: Extent = (1.0, 1.0)) -> F
     """The evaluation grid, both ends included, x slowest: row `ix * points_per_side + iy` (domain units)."""
     x, y = (jnp.linspace(0.0, side, points_per_side) for side in extent)
     return jnp.stack(jnp.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+@kept
+def _grid(points_per_side: int, extent: Float[Array, "2"]) -> Float[Array, "q 2"]:
+    return evaluation_grid(points_per_side, extent)
+
+
+def host_grid(points_per_side: int, extent: tuple[float, float]) -> Float[np.ndarray, "q 2"]:
+    """The same on the host, in float64: the numbers that it has at JAX's precision."""
+    return np.asarray(_grid(points_per_side, np.asarray(extent, jnp.result_type(float))), np.float64)
 
 
 class GaussianMixture(eqx.Module):

@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from maipp.engine import Mission
 from maipp.engine.score import pooled_belief
 from maipp.engine.state import State
 from maipp.foresight.foresight import Foresight
+from maipp.kept import kept
 from maipp.typing import Array, Bool, Float
 
 # Half widths of the intervals that hold a normal value with 68 and 95 %, in standard deviations.
@@ -37,7 +37,7 @@ class MapScores(NamedTuple):
         return {key: np.asarray(values) for key, values in held.items()}
 
 
-@eqx.filter_jit
+@kept
 def map_scores(foresight: Foresight, missions: Mission, states: State) -> MapScores:
     """The scores of a batch, one mission after the other to keep the memory of one."""
     return lax.map(lambda pair: _score(foresight, *pair), (missions, states))

@@ -10,6 +10,7 @@ import numpy as np
 from maipp.engine.decide import Departure, decide
 from maipp.engine.decision import Knowledge
 from maipp.engine.homing import whole_way_home
+from maipp.engine.keys import folded
 from maipp.engine.polyline import place_at, shortened, without_repeats
 from maipp.engine.state import AT_HOME
 from maipp.live.detour import keep_out, way_out
@@ -113,7 +114,7 @@ class Arrival:
         world, agent = self.world, self.robots.index(self.robot)
         asked = self.drifted or self
         memory, decisions = self.robot.before(asked.position, asked.odometer)
-        key = jax.random.fold_in(jax.random.fold_in(world.key, agent), decisions)
+        key = folded(world.key, agent, decisions)
         return jax.device_get(decide(world.compiled, world.mission, key, self.knowledge, jax.device_put(memory)))
 
 

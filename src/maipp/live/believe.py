@@ -1,12 +1,12 @@
 """The belief from all measurements so far, asked at any points."""
 
-import equinox as eqx
 import jax
 import numpy as np
 
 from maipp.engine import Mission
 from maipp.engine.observe import belief_near, with_prior
 from maipp.foresight import Foresight
+from maipp.kept import kept
 from maipp.live.kernel import under
 from maipp.live.measurements import Measurements, Slots
 from maipp.typing import Array, Bool, Float
@@ -15,7 +15,7 @@ from maipp.typing import Array, Bool, Float
 _FEWEST = 64
 
 
-@eqx.filter_jit
+@kept
 def _moments(
     mission: Mission,
     x: Float[Array, "n 2"],

@@ -3,13 +3,13 @@
 import math
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Interest
 from maipp.engine.found import area_found
+from maipp.kept import kept
 from maipp.live.believe import believe
 from maipp.live.simulate import simulate
 from maipp.live.survey import LiveSurvey
@@ -17,7 +17,7 @@ from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Array, Float
 
 
-@eqx.filter_jit
+@kept
 def _values(field: Any, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     return field(points)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.engine import Mission, Planner, draw_missions
+from maipp.engine.keys import key_of
 from maipp.errors import InputError
 from maipp.live.gate import LEVEL, Gate
 from maipp.live.kernel import guess_of, interest_under, under
@@ -82,7 +83,8 @@ def draw_world(
     if prior is None or not len(prior[1]):
         prior, prior_noise = None, None
     drawn = draw_missions(scenario, seed=seed, instances=1, planner=planner, prior=prior, prior_noise=prior_noise)
-    return World(scenario, planner, jax.tree.map(lambda a: a[0], drawn), jax.random.key(seed))
+    one = jax.device_put(jax.tree.map(lambda a: a[0], jax.device_get(drawn)))  # on the host: nothing is compiled for it
+    return World(scenario, planner, one, key_of(seed))
 
 
 @dataclasses.dataclass(frozen=True)

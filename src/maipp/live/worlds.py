@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from maipp.engine import Mission
+from maipp.engine import Mission, Planner
 from maipp.errors import InputError
+from maipp.kept import kept
 from maipp.live.changes import Changes, Level
 from maipp.live.ground import Ground
 from maipp.live.world import Setup, World, draw_world
@@ -82,4 +83,9 @@ class Worlds(Ground):
         planner = self.base.planner
         if agents != problem.shape.agents:
             planner = planner.on(Problem(dataclasses.replace(problem.shape, agents=agents), problem.params))
-        return jax.device_get(planner.empty_message()), jax.device_get(planner.initial_memory())
+        return jax.device_get(_nothing(planner))
+
+
+@kept
+def _nothing(planner: Planner) -> tuple[Any, Any]:
+    return planner.empty_message(), planner.initial_memory()

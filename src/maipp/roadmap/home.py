@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from maipp.errors import InputError
-from maipp.fields.mixture import evaluation_grid
+from maipp.fields.mixture import host_grid
 from maipp.roadmap.free_run import is_free
 from maipp.roadmap.ways import TURNS, sight
 from maipp.roadmap.zones import Borders, FreeSpace, Polygons, borders_of, everywhere, free_space, padded
@@ -143,7 +143,7 @@ def _lengths(
     grid: int,
 ) -> Float[np.ndarray, "g g"]:
     """Length of the shortest way from each point of the evaluation grid to an end, by its door."""
-    places, reached = free.moved_out(np.asarray(evaluation_grid(grid, extent), np.float64))
+    places, reached = free.moved_out(host_grid(grid, extent))
     ways = [free.lengths_to(places, door) + np.hypot(*(end - door)) for door, end in zip(doors, ends, strict=True)]
     shortest = np.where(reached, np.min(ways, axis=0), np.inf)
     return everywhere(shortest, places, ends[0]).reshape(grid, grid)

@@ -9,6 +9,7 @@ import math
 from functools import lru_cache
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import shapely
@@ -17,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from maipp.fields.mixture import evaluation_grid
+from maipp.fields.mixture import host_grid
 from maipp.roadmap.obstacles import Obstacles
 from maipp.scenario import Scenario
 from maipp.typing import Array, Bool, Float
@@ -145,20 +146,18 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
         return None
     free = free_space(scenario.obstacles, scenario.extent)
     size = max(scenario.extent)
-    places, reached = free.moved_out(np.asarray(evaluation_grid(scenario.grid, scenario.extent), np.float64))
+    places, reached = free.moved_out(host_grid(scenario.grid, scenario.extent))
     to_place = np.where(reached, free.ways_to(places), np.inf)
     borders = borders_of(free, scenario.extent, edges, corners)
-    v = len(borders.corners)
+    v, grid = len(borders.corners), (scenario.grid, scenario.grid)
     return Zones(
         borders=borders,
         legs=padded(free.legs, (v, v), np.inf),
         ways=padded(free.ways_to(free.corners), (v, v), np.inf),
         # A place that cannot be reached must not seem to be in sight either.
-        places=jnp.asarray(np.where(reached[:, None], places, -size), jnp.result_type(float)),
+        places=padded(np.where(reached[:, None], places, -size), places.shape, 0.0),
         to_place=padded(to_place, (v, len(places)), np.inf),
-        to_middle=jnp.asarray(
-            _to_middle(free, scenario, places, reached).reshape(scenario.grid, scenario.grid), jnp.result_type(float)
-        ),
+        to_middle=padded(_to_middle(free, scenario, places, reached).reshape(grid), grid, np.inf),
     )
 
 
@@ -286,4 +285,5 @@ def padded(array: np.ndarray, shape: tuple[int, ...], value: float | int | bool)
     """The array with `value` where it is shorter than `shape`, at JAX's precision."""
     full = np.full(shape, value, array.dtype)
     full[tuple(slice(0, n) for n in array.shape)] = array
-    return jnp.asarray(full, jnp.result_type(float) if np.issubdtype(array.dtype, np.floating) else None)
+    real = np.issubdtype(array.dtype, np.floating)
+    return jax.device_put(full.astype(jnp.result_type(float)) if real else full)

@@ -1,6 +1,7 @@
 """The field that the samples lead to expect: the posterior mean of the prior."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -32,7 +33,7 @@ class ExpectedField(eqx.Module):
             x, weights = np.zeros((1, 2)), np.zeros(1)
         real = jnp.result_type(float)
         kernel = Matern32(scenario.length_scale, scenario.signal_variance)
-        return cls(jnp.asarray(x, real), jnp.asarray(weights, real), kernel)
+        return cls(*jax.device_put((x.astype(real), weights.astype(real))), kernel)
 
     def __call__(self, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
         """Expected values at domain positions."""

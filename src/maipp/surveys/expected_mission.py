@@ -8,6 +8,7 @@ import numpy as np
 
 from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.episode import Episode
+from maipp.engine.keys import key_of
 from maipp.engine.rollout import run_recorded
 from maipp.errors import InputError
 from maipp.planners.announced.record import tells_plans, told_in, whole_message
@@ -38,7 +39,7 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
     seed = prepared.survey.seed if seed is None else seed
     field = ExpectedField.of(prepared.scenario, prepared.prior_x, prepared.prior_y, noise=prepared.prior_noise)
     missions = draw(prepared, planner, seed=seed, instances=1, field=field)
-    key, told = jax.random.key(seed), ()
+    key, told = key_of(seed), ()
     if tells_plans(planner):
         states, events = run_recorded(planner, missions, key, whole_message)
         told = told_in(events)

@@ -17,6 +17,7 @@ from maipp.engine.found import area_found
 from maipp.engine.score import Standing, moments_of, standing, taken_by
 from maipp.foresight import ForesightName, make_foresight
 from maipp.foresight.map_scores import map_scores
+from maipp.kept import kept
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
@@ -166,7 +167,7 @@ def _on_fields(missions: Mission, fields: Any) -> Mission:
     return dataclasses.replace(missions, field=fields, truth=truth)
 
 
-@eqx.filter_jit
+@kept
 def outcomes(missions: Mission, states: State) -> Outcome:
     """The outcomes of finished missions, one after the other to keep the memory of one."""
     return lax.map(lambda pair: _outcome(*pair), (missions, states))

@@ -19,7 +19,7 @@ def whole_message(message: Any) -> Any:
 
 def tells_plans(planner: Planner) -> bool:
     """Whether the planner's messages are intents or announced measurements, so that `told_in` can read them."""
-    return isinstance(planner.empty_message(), Intent | Announcement | TeamPlan)
+    return isinstance(jax.eval_shape(planner.empty_message), Intent | Announcement | TeamPlan)
 
 
 def told_in(recorded: Events, index: int = 0) -> tuple[Told, ...]:
