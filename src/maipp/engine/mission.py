@@ -18,7 +18,7 @@ from maipp.errors import InputError
 from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.fields.own import as_field
 from maipp.kept import kept
-from maipp.problem import Params, Problem, Shape, host_params_of, shape_of
+from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -220,7 +220,7 @@ def mission_parts(
 @lru_cache(maxsize=64)
 def _numbers(scenario: Scenario, real: np.dtype, batch: int) -> Params:
     """The numbers of a scenario on the host, for each mission; `real` is JAX's precision, with which they are made."""
-    numbers = host_params_of(scenario)
+    numbers = jax.device_get(params_of(scenario))
     return jax.tree.map(lambda array: np.broadcast_to(array, (batch, *np.shape(array))), numbers)
 
 
