@@ -223,6 +223,7 @@ class Survey:
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
+        self._check_begun()
         missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
         return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 
