@@ -12,7 +12,6 @@ pytest.importorskip("pettingzoo")
 import maipp  # noqa: E402
 import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp import Scenario  # noqa: E402
-from maipp.adapters import compiled as programs  # noqa: E402
 
 surveys: Any = environments  # its observations are arrays or dictionaries, by the options
 SMALL = Scenario(agents=3, budget=1.2, grid=8, nodes=14, neighbours=4)
@@ -143,12 +142,16 @@ def test_a_seed_gives_the_simulator_s_world_and_those_that_follow():
     np.testing.assert_array_equal(following, other.simulator_state()[0].truth)
 
 
-def test_environments_of_one_scenario_share_what_is_compiled():
-    compiled: Any = programs.play
-    play_aec(surveys.aec_env(SMALL), 1, widest)
-    before = compiled._cache_size()
-    play_aec(surveys.aec_env(Scenario.from_dict(SMALL.to_dict()), reward="log-trace", max_cycles=3), 2, widest)
-    assert compiled._cache_size() == before
+def test_environments_whose_scenarios_differ_in_numbers_share_what_is_compiled():
+    env, same = surveys.aec_env(SMALL), surveys.aec_env(Scenario.from_dict(SMALL.to_dict()), max_cycles=3)
+    other = surveys.aec_env(SMALL.replace(threshold=0.3))
+    for each in (env, same, other):
+        play_aec(each, 1, widest)
+    assert env._calls is same._calls is other._calls
+    assert env._calls.play._cache_size() == env._calls.first._cache_size() == 1
+    rewarded = surveys.aec_env(SMALL, reward="log-trace")
+    rewarded.reset(seed=1)
+    assert rewarded._calls is not env._calls
 
 
 def test_a_map_of_one_s_own_is_what_is_measured():

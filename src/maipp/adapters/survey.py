@@ -38,8 +38,8 @@ class Survey:
 
     _extra_moves = 0  # besides those to the neighbours
     _rows: int | None = None  # rows that a compiled call gives: one for each agent, or None for that of the due one
-    _calls: Calls | None = None
-    _now: Words | None = None  # the survey; None before the first reset
+    _compiled: Calls | None = None
+    _now: Any = None  # the survey, `Words`; None before the first reset
     _owed: np.ndarray | None = None  # what is still to be done in it, at the end, where nobody sees it
 
     def __init__(
@@ -120,25 +120,22 @@ class Survey:
         self._parts = mission_parts(
             self.scenario, seed=self._seed, instances=1, first=instance or 0, roadmaps=roadmaps, field=self._field
         )
-        if self._calls is None:
-            self._calls = self._calls_now()
         self._world = self._calls.hold(self._calls.kinds.world.pack_here(self._parts))
         self._owed = None
         self._replaced = [False] * self.scenario.agents
 
-    def _calls_now(self) -> Calls:
-        seen = dataclasses.replace(self._rules, scenario=self.scenario).specs.observation
-        kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
-        return calls_of(self._rules, kinds)
+    @property
+    def _calls(self) -> Calls:
+        """What is compiled for this environment."""
+        if self._compiled is None:
+            seen = dataclasses.replace(self._rules, scenario=self.scenario).specs.observation
+            kinds = kinds_of(self._rules, shape_of(self.scenario), self._parts, seen, self._rows)
+            self._compiled = calls_of(self._rules, kinds)
+        return self._compiled
 
     def __getstate__(self) -> dict[str, Any]:
         """All but what is compiled, and for what: definitions of pytrees do not come back whole from a pickle."""
-        return self.__dict__ | {"_calls": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        if self._now is not None:
-            self._calls = self._calls_now()
+        return self.__dict__ | {"_compiled": None}
 
     def _check_begun(self) -> None:
         """Raises InputError before the first reset, and in a process that cannot compute."""
@@ -211,7 +208,8 @@ class Survey:
     @property
     def _state(self) -> EnvState:
         """The survey now, in its parts."""
-        return opened(self._calls.kinds, self._settled(), self._world)
+        now = self._settled()
+        return opened(self._calls.kinds, now, self._world)
 
     @property
     def _time(self) -> float:
@@ -220,10 +218,12 @@ class Survey:
 
     def state(self) -> np.ndarray:
         """The global state, a member of `state_space`, for critics that are trained centrally (docs/pettingzoo.md)."""
-        return np.asarray(whole(self._calls.kinds, self._settled(), self._world, np.asarray(self._time)))
+        now = self._settled()
+        return np.asarray(whole(self._calls.kinds, now, self._world, np.asarray(self._time)))
 
     def simulator_state(self) -> tuple[Mission, State]:
         """The world and the engine's state now, as `maipp.run_missions` has them, with a leading axis of one."""
+        self._check_begun()
         missions = Mission(shape=shape_of(self.scenario), **jax.device_put(self._parts))
         return missions, jax.tree.map(lambda a: a[None], self._state.survey)
 
