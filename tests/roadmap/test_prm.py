@@ -153,6 +153,13 @@ def test_shortest_distances_are_a_metric_and_agree_with_floyd_warshall(directed,
         np.testing.assert_allclose(distances, distances.T, atol=1e-12)
 
 
+def test_few_nodes_are_joined_as_many_are(monkeypatch):
+    nodes = np.random.default_rng(4).random((3, 90, 2))
+    few = build_roadmap(nodes, 7)
+    monkeypatch.setattr("maipp.roadmap.prm._FEW_NODES", 0)
+    jax.tree.map(np.testing.assert_array_equal, few, build_roadmap(nodes, 7))
+
+
 def test_coincident_nodes_are_joined_at_no_cost():
     nodes = np.array([[0.5, 0.5]] * 5 + [[0.6, 0.5]])
     roadmap = build_roadmap(nodes, 2)
