@@ -20,6 +20,7 @@ for name, value in {
     "JAX_COMPILATION_CACHE_DIR": str(CACHE),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5",  # below that, reading back costs what compiling does
     "MPLBACKEND": "Agg",
+    "MAIPP_CACHE": "",  # tests change code in memory, which no name of a kept program tells
 }.items():
     os.environ.setdefault(name, value)
 

@@ -101,11 +101,6 @@ class Params(eqx.Module):
 
 def params_of(scenario: Scenario) -> Params:
     """The numbers of a scenario, at JAX's precision."""
-    return jax.device_put(host_params_of(scenario))
-
-
-def host_params_of(scenario: Scenario) -> Params:
-    """The same on the host, in NumPy."""
     real = jnp.result_type(float)
     values = {
         field.name: np.asarray(getattr(scenario, field.name), real)
@@ -113,8 +108,9 @@ def host_params_of(scenario: Scenario) -> Params:
         if field.name not in ("present", "comm_range", "warp")
     }
     reach = math.inf if scenario.comm_range is None else scenario.comm_range
-    present: Any = np.ones(scenario.agents, bool)
-    return Params(present=present, comm_range=np.asarray(reach, real), **values)
+    present = np.ones(scenario.agents, bool)
+    # All are made on the host: nothing is compiled for them.
+    return Params(**jax.device_put(values | {"present": present, "comm_range": np.asarray(reach, real)}))
 
 
 class Problem(eqx.Module):

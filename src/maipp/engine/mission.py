@@ -18,7 +18,7 @@ from maipp.errors import InputError
 from maipp.fields.mixture import evaluation_grid, sample_mixture
 from maipp.fields.own import as_field
 from maipp.kept import kept
-from maipp.problem import Params, Problem, Shape, host_params_of, shape_of
+from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps
 from maipp.scenario import Scenario
 from maipp.seeds import check_seed
@@ -216,7 +216,7 @@ def mission_parts(
 @lru_cache(maxsize=64)
 def _numbers(scenario: Scenario, real: np.dtype) -> Params:
     """The numbers of a scenario on the host; `real` is JAX's precision, with which they are made."""
-    return host_params_of(scenario)
+    return jax.device_get(params_of(scenario))
 
 
 def _homes(scenario: Scenario, starts: Float[np.ndarray, "i m 2"], trials: int) -> Home:
