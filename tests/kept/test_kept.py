@@ -155,7 +155,14 @@ def test_inside_of_jit_it_is_a_part_of_the_program(folder, traced):
 def test_names_tell_apart_what_traces_apart():
     one, two = np.zeros(3, np.float32), np.zeros(4, np.float32)
     parts = [one, two, jnp.zeros(3), jnp.zeros(3, jnp.int32), 1, 1.0, True, "1", None, (1,), [1], {"a": 1}, {"b": 1}]
-    parts += [step, Scenario, functools.partial(step, 1), np.dtype("f4"), np.dtype("f8"), Scenario().replace(agents=4)]
+    parts += [
+        step,
+        Scenario,
+        functools.partial(option, 1),
+        np.dtype("f4"),
+        np.dtype("f8"),
+        Scenario().replace(agents=4),
+    ]
     names = [name_of(part) for part in parts]
     assert len(set(names)) == len(names)
     assert name_of(np.ones(3, np.float32)) == name_of(one)  # numbers are arguments
