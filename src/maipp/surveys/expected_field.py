@@ -33,8 +33,7 @@ class ExpectedField(eqx.Module):
             x, weights = np.zeros((1, 2)), np.zeros(1)
         real = jnp.result_type(float)
         kernel = Matern32(scenario.length_scale, scenario.signal_variance)
-        x, weights = jax.device_put((x.astype(real), weights.astype(real)))
-        return cls(x, weights, kernel)
+        return cls(jax.device_put(x.astype(real)), jax.device_put(weights.astype(real)), kernel)
 
     def __call__(self, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
         """Expected values at domain positions."""
