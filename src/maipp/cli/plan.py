@@ -1,10 +1,13 @@
 """`maipp plan`: one survey, planned and simulated, with its record, tables and pictures."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from rich import box
@@ -92,6 +95,7 @@ def survey(
     from maipp.planners import make_planner
 
     built = make_planner(planner, scenario, options)  # before any work
+    Thread(target=_import_drawing, daemon=True).start()  # JAX loads, compiles and computes without Python meanwhile
     tell_of([planner])
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
@@ -165,6 +169,14 @@ def report(episode: "Episode", paths: list[Path]) -> None:
         Console(stderr=True, highlight=False, soft_wrap=True).print(warning, markup=False)
     if all(path.name != _REPORT for path in paths):
         console.print(f"left out {_REPORT}: it needs plotly, pip install 'maipp[geo]'", markup=False)
+
+
+def _import_drawing() -> None:
+    """Import what draws; what cannot be imported is told of where it is needed."""
+    with suppress(Exception):
+        import_module("maipp.viz")
+        if _has_plotly():
+            import_module("maipp.viz.report")
 
 
 def _has_plotly() -> bool:

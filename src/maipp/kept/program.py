@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
@@ -55,7 +56,7 @@ class Kept:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """The function's result."""
         leaves, tree = jax.tree.flatten((args, kwargs))
-        if not _usable() or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        if not _usable() or any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._jit(*args, **kwargs)
         try:
             call = tree, options(), tuple(map(_signature, leaves))

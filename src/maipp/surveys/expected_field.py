@@ -33,7 +33,7 @@ class ExpectedField(eqx.Module):
             x, weights = np.zeros((1, 2)), np.zeros(1)
         real = jnp.result_type(float)
         kernel = Matern32(scenario.length_scale, scenario.signal_variance)
-        return cls(*jax.device_put((x.astype(real), weights.astype(real))), kernel)
+        return cls(jax.device_put(x.astype(real)), jax.device_put(weights.astype(real)), kernel)
 
     def __call__(self, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
         """Expected values at domain positions."""
