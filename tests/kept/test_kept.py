@@ -146,6 +146,22 @@ def test_what_was_not_used_for_longest_makes_room(folder, monkeypatch):
     assert store.read("program-5") == b"x" and store.read("program-0") is None
 
 
+def first_alone(arrays):
+    """Of a list of any length."""
+    return arrays[0] + 1.0
+
+
+def test_arguments_that_are_not_read_count(folder, monkeypatch):
+    """Calls with more of them have the same text, and programs of their own."""
+    first_alone.__module__ = "maipp.kept"  # one that has names
+    monkeypatch.setattr("maipp.kept.first_alone", first_alone, raising=False)
+    for _ in range(2):
+        function = program.kept(first_alone)  # as in a new process
+        for count in (1, 3, 2):
+            assert function([jnp.full(2, float(number)) for number in range(count)]).tolist() == [1.0, 1.0]
+    assert len([path for path in folder.iterdir() if path.name.startswith("program-")]) == 3
+
+
 def test_inside_of_jit_it_is_a_part_of_the_program(folder, traced):
     outer = jax.jit(lambda seed: _key(seed))
     assert same(outer(np.uint32(7)), jax.random.key(7))

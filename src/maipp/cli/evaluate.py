@@ -4,17 +4,19 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from maipp.bench.evaluate import Evaluation, check_counts, evaluate, fingerprint_of
+from maipp.bench.evaluate import Evaluation, check_counts, fingerprint_of
+from maipp.bench.evaluation_jobs import EvaluationJob, evaluate_rows
 from maipp.bench.evaluations import Comparison, compare, find, merged, read_evaluations, save_evaluations, to_json, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console, tell_of
 from maipp.cli.options import FieldFlags
+from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
 from maipp.files import write_atomic
@@ -76,6 +78,8 @@ class Evaluate(FieldFlags):
     shard: Annotated[str | None, tyro.conf.arg(metavar="I/N", help_behavior_hint="")] = None
     """evaluate the I-th of N parts of the instances only, to be put together by --merge"""
 
+    sweep: tyro.conf.OmitArgPrefixes[SweepFlags] = field(default_factory=SweepFlags)
+
     merge: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE [FILE ...]", help_behavior_hint="")] = ()
     """evaluate nothing: put the parts that these files hold together"""
 
@@ -128,53 +132,88 @@ def _show(flags: Evaluate, done: list[Evaluation]) -> list[dict[str, Any]]:
 
 
 def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
-    """Row by row."""
+    """Row by row, or in parts by the processes that the flags name."""
     check_seed(flags.seed, "--seed")
     check_counts("--", trials=flags.trials)
     first, instances = _instances(flags.instances, flags.shard)
-    field = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
-    rows = _rows(flags, field)
+    where = flags.sweep.where()
+    raster = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
+    rows = _rows(flags, raster)
     shape = shape_of([scenario for _, scenario, _ in rows])
+    jobs = [
+        EvaluationJob(
+            planner,
+            scenario,
+            options,
+            first,
+            instances,
+            flags.trials,
+            flags.seed,
+            flags.timing,
+            shape,
+            raster,
+            flags.map,
+        )
+        for planner, scenario, options in rows
+    ]
     known = _known(flags, to_file)
-    notes, done = notes_console(), list[Evaluation]()
+    done: dict[int, Evaluation] = {}
+    for number, job in enumerate(jobs):
+        found = _find(known, job)
+        if found is not None:
+            done[number] = found
+            known = [other for other in known if other is not found]
+    notes, refused = notes_console(), None
+
+    def outcome(code: int = 0) -> _Outcome:
+        return _Outcome([done[number] for number in sorted(done)], known, code, refused)
+
+    def keep(number: int, evaluation: Evaluation) -> None:
+        done[number] = evaluation
+        if to_file:  # what is known and has not come yet is kept
+            save_evaluations([*outcome().done, *known], str(flags.json))
+
+    missing = [number for number in range(len(jobs)) if number not in done]
     try:
         with counting_bar(notes, "missions") as bar:
             each = instances * flags.trials
-            task = bar.add_task("", total=len(rows) * each)
-            for number, (planner, scenario, options) in enumerate(rows):
-                bar.update(task, description=f"{planner}, budget {budget_of(scenario)}")
-                before = number * each
-                made = make_planner(planner, scenario, options)
-                wanted = what(planner, values_of(made), scenario, flags.seed, flags.trials)
-                code = fingerprint_of(made, field) if known else ""
-                evaluation = find(
-                    known, wanted, first, instances, code, timing=flags.timing, map=flags.map
-                ) or evaluate(
-                    scenario,
-                    planner,
-                    options,
-                    instances=instances,
-                    first=first,
-                    trials=flags.trials,
-                    seed=flags.seed,
-                    timing=flags.timing,
-                    shape=shape,
-                    field=field,
-                    map=flags.map,
-                    progress=lambda missions, _, before=before: bar.update(task, completed=before + missions),
+            task = bar.add_task("", total=len(missing) * each)
+            if where.cluster is None and not where.workers:
+                for before, number in enumerate(missing):
+                    job = jobs[number]
+                    bar.update(task, description=f"{job.planner}, budget {budget_of(job.scenario)}")
+                    keep(
+                        number,
+                        job.compute(
+                            lambda missions, _, before=before: bar.update(task, completed=before * each + missions)
+                        ),
+                    )
+            else:
+                evaluate_rows(
+                    [jobs[number] for number in missing],
+                    lambda number, evaluation: keep(missing[number], evaluation),
+                    where=where,
+                    progress=lambda missions: bar.update(task, completed=missions),
+                    note=lambda line: notes.print(line, markup=False),
                 )
-                done.append(evaluation)
-                known = [other for other in known if other is not evaluation]
-                if to_file:  # what is known and has not come yet is kept
-                    save_evaluations([*done, *known], str(flags.json))
     except KeyboardInterrupt:
         notes.print(f"interrupted: {len(done)} of {len(rows)} rows are done")
-        return _Outcome(done, known, INTERRUPTED)
+        return outcome(INTERRUPTED)
     except InputError as error:  # a row that cannot be scored must not take those that are done with it
         if not done:
             raise
-        return _Outcome(done, known, 0, error)
-    return _Outcome(done, known)
+        refused = error
+    return outcome()
+
+
+def _find(known: Sequence[Evaluation], job: EvaluationJob) -> Evaluation | None:
+    """What the job comes to, if it is known."""
+    if not known:
+        return None
+    made = make_planner(job.planner, job.scenario, job.options)
+    wanted = what(job.planner, values_of(made), job.scenario, job.seed, job.trials)
+    code = fingerprint_of(made, job.field)
+    return find(known, wanted, job.first, job.instances, code, timing=job.timing, map=job.map)
 
 
 def _merged(flags: Evaluate) -> list[Evaluation]:

@@ -92,11 +92,13 @@ class Kept:
             result = shape.unflatten([numbered.get(number, leaf) for number, leaf in enumerate(outputs)])
             return [outputs[place] for place in places]
 
-        lowered = jax.jit(flat).lower(*filter(eqx.is_array, leaves))
+        given = [leaf for leaf in leaves if eqx.is_array(leaf)]
+        lowered = jax.jit(flat).lower(*given)
         text = lowered.as_text()
         if "callback" in text:  # an address in this process
             return _Program(lowered.compile(), result)
-        program = _digest("program", text)
+        # Arguments that it does not read are not in the text, and yet it must be given as many.
+        program = _digest("program", text, *map(str, map(array_name, given)))
         run = _read_program(program)  # other source, the same program
         if run is None:
             run = _compiled_whole(lowered)
