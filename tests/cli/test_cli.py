@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import maipp
-from maipp.cli import evaluate as evaluate_command
+from maipp.bench import evaluation_jobs
 from maipp.cli.main import COMMANDS, main
 from maipp.cli.options import ScenarioFlags
 from maipp.devices import cache_folder
@@ -231,11 +231,26 @@ def test_evaluate_compares_in_pairs_by_shards_and_goes_on(tmp_path, monkeypatch,
     again = json.loads(Path(both).read_text(encoding="utf-8"))["comparisons"]
     (same,) = [each for each in again if each["metric"] == "trace"]
     assert same["mean"] == pytest.approx(trace["mean"], rel=1e-4)  # batches of other sizes round otherwise
-    monkeypatch.setattr(evaluate_command, "evaluate", lambda *_, **__: pytest.fail("evaluated again"))
+    monkeypatch.setattr(evaluation_jobs, "evaluate", lambda *_, **__: pytest.fail("evaluated again"))
     before = Path(whole).read_text(encoding="utf-8")
     assert main(["evaluate", *common, "--reference", "greedy", "--json", whole, "--resume"]) == 0
     assert Path(whole).read_text(encoding="utf-8") == before
     assert main(["evaluate", *TINY, "greedy", "--budget", "0.6", "--json", whole, "--resume", "--instances", "x"]) == 2
+
+
+def test_evaluate_in_processes_comes_to_the_same(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(evaluation_jobs, "_MISSIONS", 2)  # so that there are several jobs
+    common = [*TINY, "greedy", "--budget", "0.6", "--no-timing", "--instances", "3", "--trials", "1"]
+    here, there = (tmp_path / name for name in ("here.json", "there.json"))
+    assert main(["evaluate", *common, "--json", str(here)]) == 0
+    assert main(["evaluate", *common, "--workers", "1", "--json", str(there)]) == 0
+    one, other = (json.loads(path.read_text(encoding="utf-8"))["evaluations"][0] for path in (here, there))
+    assert one["fingerprint"] == other["fingerprint"] and other["instances"] == 3
+    for metric, values in one["values"].items():  # batches of other sizes round otherwise
+        np.testing.assert_allclose(other["values"][metric], values, rtol=1e-3, atol=1e-5)
+    capsys.readouterr()
+    assert main(["evaluate", *common, "--cluster", "tcp://127.0.0.1:1", "--workers", "1"]) == 2
+    assert "leave --workers out" in capsys.readouterr().err
 
 
 def test_evaluate_can_write_to_standard_output(capsys):
@@ -246,7 +261,7 @@ def test_evaluate_can_write_to_standard_output(capsys):
 
 
 def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys):
-    real, calls = evaluate_command.evaluate, []
+    real, calls = evaluation_jobs.evaluate, []
 
     def interrupted(*arguments, **options):
         calls.append(arguments)
@@ -254,7 +269,7 @@ def test_an_interrupt_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys
             raise KeyboardInterrupt
         return real(*arguments, **options)
 
-    monkeypatch.setattr(evaluate_command, "evaluate", interrupted)
+    monkeypatch.setattr(evaluation_jobs, "evaluate", interrupted)
     path = tmp_path / "out.json"
     arguments = ["--planner", "greedy", "--budget", "0.6", "0.4", "0.2", "--no-timing", "--json", str(path)]
     assert main(["evaluate", *TINY, *arguments]) == 130
@@ -327,14 +342,14 @@ def test_evaluate_warns_of_agents_that_it_had_to_stop(tmp_path, capsys):
 
 
 def test_a_row_that_cannot_be_scored_keeps_the_rows_that_are_done(tmp_path, monkeypatch, capsys):
-    real = evaluate_command.evaluate
+    real = evaluation_jobs.evaluate
 
     def refused(scenario, *arguments, **options):
         if scenario.budget == 0.4:
             raise InputError("instance 0, trial 0: trace is nan, not a finite number")
         return real(scenario, *arguments, **options)
 
-    monkeypatch.setattr(evaluate_command, "evaluate", refused)
+    monkeypatch.setattr(evaluation_jobs, "evaluate", refused)
     arguments = ["--planner", "greedy", "--budget", "0.6", "0.4", "--no-timing", "--json", str(tmp_path / "out.json")]
     assert main(["evaluate", *TINY, *arguments]) == 2
     captured = capsys.readouterr()

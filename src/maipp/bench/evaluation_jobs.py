@@ -5,12 +5,12 @@ import json
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from maipp.bench.evaluate import Evaluation, Progress, evaluate, fingerprint_of, plain
 from maipp.bench.evaluations import merged
 from maipp.bench.sweep.dealing import Where, run_sweep
+from maipp.bench.sweep.jobs import Job
 from maipp.fields.raster import Raster
 from maipp.foresight import ForesightName
 from maipp.planners import make_planner
@@ -52,7 +52,7 @@ class EvaluationJob:
         """The planner and the instances."""
         return f"{self.planner}, instances {self.first}:{self.first + self.instances}"
 
-    @cached_property
+    @property
     def made_by(self) -> Mapping[str, Any]:
         """The question, and the code, weights and libraries that answer it."""
         return {
@@ -69,10 +69,6 @@ class EvaluationJob:
             ),
         }
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what is worked out anew by whoever computes it."""
-        return {name: value for name, value in vars(self).items() if name != "made_by"}
-
     def apart(self) -> "list[EvaluationJob]":
         """The same in parts of about 64 missions; the first one times decisions, where they are to be timed."""
         parts = min(self.instances, math.ceil(self.instances * self.trials / _MISSIONS))
@@ -80,7 +76,7 @@ class EvaluationJob:
         return [
             EvaluationJob(
                 **{
-                    **self.__getstate__(),
+                    **vars(self),
                     "first": begin,
                     "instances": end - begin,
                     "timing": self.timing and begin == self.first,
@@ -91,7 +87,7 @@ class EvaluationJob:
 
     def compute(self, progress: Progress | None = None) -> Evaluation:
         """The evaluation. Raises `InputError` for bad input."""
-        given = {name: value for name, value in self.__getstate__().items() if name not in ("scenario", "planner")}
+        given = {name: value for name, value in vars(self).items() if name not in ("scenario", "planner")}
         return evaluate(self.scenario, self.planner, given.pop("options"), **given, progress=progress)
 
 
@@ -122,4 +118,5 @@ def evaluate_rows(
         if not left[row]:
             keep(row, merged(done[row])[0])
 
-    run_sweep([job for _, job in jobs], keep_part, where=where, note=note)
+    queue: list[Job] = [job for _, job in jobs]
+    run_sweep(queue, keep_part, where=where, note=note)
