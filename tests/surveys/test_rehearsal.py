@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import pytest
 
+from maipp.bench.sweep.dealing import Where
 from maipp.errors import InputError
 from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam, rehearse, with_robots
 from maipp.surveys.rehearsal_figure import draw_rehearsal
@@ -84,6 +85,15 @@ def test_the_map_of_a_foresight_is_scored_beside_the_belief_s(rehearsed, tmp_pat
     assert heading[-5:] == list(result.teams[0].maps) and float(first[-5]) > 0
     assert rows(result)[0][5] == "RMSE, fitted" and "map of the foresight fitted, 2 robots" in words(result)[-1]
     assert "RMSE, fitted" in markdown(result) and "fitted" not in markdown(rehearsed)
+
+
+def test_processes_come_to_the_same(rehearsed):
+    shared = rehearse(SURVEY, rehearsal=Rehearsal(fields=FIELDS), seed=2, where=Where(workers=2))
+    for here, there in zip(rehearsed.teams, shared.teams, strict=True):
+        assert (here.planner, here.robots) == (there.planner, there.robots)
+        # A process has one device where this one has two: other batches round otherwise.
+        np.testing.assert_allclose(there.rmse, here.rmse, rtol=1e-3)
+        np.testing.assert_allclose(there.minutes, here.minutes, rtol=1e-3)
 
 
 def test_without_a_threshold_nothing_is_to_be_found():

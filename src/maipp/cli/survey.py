@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
+from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
 from maipp.records import assignments
@@ -92,6 +93,8 @@ class Survey:
     foresight: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
     """rehearse: score the map that this foresight draws as well, such as fitted (docs/foresight.md)"""
 
+    sweep: tyro.conf.OmitArgPrefixes[SweepFlags] = field(default_factory=SweepFlags)
+
 
 def run(flags: Survey) -> int:
     """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
@@ -125,6 +128,7 @@ def _check_flags(flags: Survey) -> None:
     """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
     rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
     rehearsals |= {"adapt": flags.adapt or None, "foresight": flags.foresight}
+    rehearsals |= {"workers": flags.sweep.workers, "cluster": flags.sweep.cluster}
     if not flags.rehearse:
         for name, value in rehearsals.items():
             if value not in (None, ()):
@@ -270,6 +274,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
 
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from maipp.bench.sweep.dealing import HERE
     from maipp.foresight import FORESIGHTS
     from maipp.records import unknown
     from maipp.surveys.rehearsal import rehearse
@@ -287,6 +292,9 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     if flags.raster is not None:
         rehearsal = dataclasses.replace(rehearsal, raster=flags.raster, value=None, crs=None, at=None)
     notes = Console(stderr=True)
+    where = flags.sweep.where()
+    if where.cluster is None and where.workers is None:
+        where = HERE
     foresight: Any = flags.foresight
     if foresight is not None and foresight not in FORESIGHTS:
         raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
@@ -303,6 +311,8 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
                 refitted=refitted,
                 foresight=foresight,
+                where=where,
+                note=lambda line: notes.print(line, markup=False),
             )
         names = write_rehearsal(result, stage)
     console = results_console()

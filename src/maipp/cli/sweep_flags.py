@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from maipp.bench.sweep.address import read_address, security
-from maipp.bench.sweep.dealing import Where
 from maipp.errors import InputError
+
+if TYPE_CHECKING:  # it imports JAX, which the help of a command can do without
+    from maipp.bench.sweep.dealing import Where
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +29,11 @@ class SweepFlags:
     patience: Annotated[float, tyro.conf.arg(metavar="SECONDS")] = 60.0
     """how long to go on without a worker, or a word of the scheduler"""
 
-    def where(self) -> Where:
+    def where(self) -> "Where":
         """Where the work is done. Raises `InputError` for what is wrong."""
+        from maipp.bench.sweep.address import read_address, security
+        from maipp.bench.sweep.dealing import Where
+
         if self.workers is not None and self.workers < 0:
             raise InputError(f"--workers: {self.workers} is negative; give a whole number >= 0")
         if self.cluster is None and self.tls is not None:

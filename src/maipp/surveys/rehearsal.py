@@ -1,7 +1,9 @@
 """What a team can expect of a survey: the mission simulated on many possible fields, or on a map of the user's."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from maipp.bench.made_by import SIMULATION, code_digest, planner_fingerprint
+from maipp.bench.sweep.dealing import HERE, Where, run_sweep
+from maipp.bench.sweep.jobs import Job
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
@@ -18,6 +23,7 @@ from maipp.engine.score import Standing, moments_of, standing, taken_by
 from maipp.foresight import ForesightName, make_foresight
 from maipp.foresight.map_scores import map_scores
 from maipp.kept import kept
+from maipp.problem import shape_of
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
 from maipp.surveys.raster_field import raster_field
@@ -106,6 +112,8 @@ def rehearse(
     progress: Callable[[str, int, int], None] | None = None,
     refitted: Refitted | None = None,
     foresight: ForesightName | None = None,
+    where: Where = HERE,
+    note: Callable[[str], None] = lambda line: None,
 ) -> RehearsalResult:
     """The mission simulated for every planner and size of team on the same fields.
 
@@ -114,6 +122,7 @@ def rehearse(
     what is run, the number of runs done and of all. With `refitted` each team is rehearsed once more by it, with the
     kernel refitted under way, and fields are drawn with length scales as uncertain as the refits take them to be.
     With a `foresight` the map that it draws of the same measurements is scored too, and the intervals of both maps.
+    Each planner and size of team is a job of the processes or the cluster that `where` names (`run_sweep`).
     Raises `InputError` for what makes a run impossible.
     """
     if refitted is not None:
@@ -122,43 +131,112 @@ def rehearse(
     seed = survey.seed if seed is None else seed
     planners = tuple(dict.fromkeys(planners or (survey.planner,)))
     counts = tuple(sorted(set(robots or range(1, len(survey.robots) + 1))))
-    ready = [(name, count, prepare(with_robots(survey, count), planner=name)) for name in planners for count in counts]
-    built = [prepared.make_planner() for _, _, prepared in ready]  # before any work
-    first = ready[0][2]
-    relief = None
-    if rehearsal.raster is not None:
-        relief = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
-    spread = 0.0 if refitted is None or first.adapt is None else first.adapt.scale_spread
-    fields = drawn_fields(first, rehearsal.fields, seed, spread) if relief is None else None
-    key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-    teams = []
-    for index, ((name, count, prepared), planner) in enumerate(zip(ready, built, strict=True)):
+    every = [(name, count) for name in planners for count in counts]
+    jobs: list[Job] = [
+        TeamJob(survey, name, count, every[0], rehearsal, seed, refitted, foresight) for name, count in every
+    ]
+    for job in jobs:
+        job.kind  # noqa: B018  # what makes a run impossible is told before any work
+    teams: list[list[RehearsedTeam]] = [[] for _ in jobs]
+    left = len(jobs)
+
+    def begun(number: int) -> None:
         if progress is not None:
-            progress(f"{name}, {count} robot{'s' if count > 1 else ''}", index, len(ready))
-        if fields is None:
+            progress(jobs[number].words, len(jobs) - left, len(jobs))
+
+    def keep(number: int, found: list[RehearsedTeam]) -> None:
+        nonlocal left
+        teams[number], left = found, left - 1
+
+    run_sweep(jobs, keep, where=where, begun=begun, note=note)
+    if progress is not None:
+        progress("done", len(jobs), len(jobs))
+    on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
+    flat = tuple(team for found in teams for team in found)
+    name, count = every[0]
+    warnings = prepare(with_robots(survey, count), planner=name).warnings
+    return RehearsalResult(survey, flat, rehearsal.fields, on, warnings, foresight)
+
+
+@dataclass(frozen=True, eq=False)
+class TeamJob:
+    """The rehearsals of one planner and size of team, as a job of a sweep."""
+
+    survey: Survey
+    planner: str
+    count: int
+    first: tuple[str, int]  # planner and size of the team whose area the fields are drawn in
+    rehearsal: Rehearsal
+    seed: int
+    refitted: Refitted | None
+    foresight: ForesightName | None
+
+    @property
+    def key(self) -> str:
+        """A digest of what decides the result."""
+        return hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def kind(self) -> Hashable:
+        """Planner and shape, which set the compiled programs. Raises `InputError` for what makes a run impossible."""
+        prepared = self._prepared(self.planner, self.count)
+        prepared.make_planner()
+        return self.planner, shape_of(prepared.scenario)
+
+    @property
+    def words(self) -> str:
+        """Planner and number of robots."""
+        return f"{self.planner}, {self.count} robot{'s' if self.count > 1 else ''}"
+
+    @property
+    def made_by(self) -> Mapping[str, Any]:
+        """The mission as it is prepared here, the question, and the code and libraries that answer it."""
+        prepared = self._prepared(self.planner, self.count)
+        samples = prepared.prior_x, prepared.prior_y, prepared.prior_noise
+        raster = b"" if self.rehearsal.raster is None else self.rehearsal.raster.read_bytes()
+        return {
+            "mission": hashlib.sha256(
+                json.dumps(prepared.scenario.to_dict()).encode()
+                + b"".join(np.asarray(each, np.float64).tobytes() for each in samples)
+                + raster
+            ).hexdigest(),
+            "team": [self.planner, self.count, *self.first],
+            "fields": [self.rehearsal.fields, self.seed, self.refitted is not None, self.foresight],
+            "planner": planner_fingerprint(prepared.make_planner()),
+            "code": code_digest((*SIMULATION, "maipp.planners", "maipp.surveys", "maipp.live", "maipp.foresight")),
+        }
+
+    def _prepared(self, planner: str, count: int) -> PreparedSurvey:
+        return prepare(with_robots(self.survey, count), planner=planner)
+
+    def compute(self) -> list[RehearsedTeam]:
+        """The team, and the same with the kernel refitted where that is asked."""
+        rehearsal, seed = self.rehearsal, self.seed
+        prepared, first = self._prepared(self.planner, self.count), self._prepared(*self.first)
+        planner = prepared.make_planner()
+        key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
+        if rehearsal.raster is not None:
+            relief = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
             missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=relief)
         else:
+            spread = 0.0 if self.refitted is None or first.adapt is None else first.adapt.scale_spread
+            fields = drawn_fields(first, rehearsal.fields, seed, spread)
             missions = _on_fields(draw(prepared, planner, seed=seed, instances=rehearsal.fields), fields)
         states = run_missions(planner, missions, key)
         fixed: Outcome = jax.device_get(outcomes(missions, states))
-        team = _in_units(prepared, name, count, fixed)
-        if foresight is not None:
-            scores = map_scores(make_foresight(foresight, prepared.scenario), missions, states).values(foresight)
-            error = f"{foresight}_rmse"
-            maps = {key: np.asarray(value, np.float64) for key, value in scores.items()}
-            maps[error] = prepared.frame.to_user_std(maps[error])
-            team = dataclasses.replace(team, maps=maps)
-        teams.append(team)
-        if refitted is not None:
-            found = refitted(prepared, missions.field, rehearsal.fields, seed)
-            before = {key: getattr(fixed, key) for key in ("trace_before", "rmse_before", "found_before")}
-            teams.append(
-                _in_units(prepared, name + REFITTED, count, Outcome(**jax.tree.map(jnp.asarray, found | before)))
-            )
-    if progress is not None:
-        progress("done", len(ready), len(ready))
-    on = "drawn fields" if rehearsal.raster is None else str(rehearsal.raster)
-    return RehearsalResult(survey, tuple(teams), rehearsal.fields, on, first.warnings, foresight)
+        team = _in_units(prepared, self.planner, self.count, fixed)
+        if self.foresight is not None:
+            model = make_foresight(self.foresight, prepared.scenario)
+            maps = map_scores(model, missions, states).values(self.foresight)
+            maps = {name: np.asarray(value, np.float64) for name, value in maps.items()}
+            error = f"{self.foresight}_rmse"
+            team = dataclasses.replace(team, maps=maps | {error: prepared.frame.to_user_std(maps[error])})
+        if self.refitted is None:
+            return [team]
+        found = self.refitted(prepared, missions.field, rehearsal.fields, seed)
+        before = {name: getattr(fixed, name) for name in ("trace_before", "rmse_before", "found_before")}
+        outcome = Outcome(**jax.tree.map(jnp.asarray, found | before))
+        return [team, _in_units(prepared, self.planner + REFITTED, self.count, outcome)]
 
 
 def _on_fields(missions: Mission, fields: Any) -> Mission:
