@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from maipp.bench import evaluation_jobs
 from maipp.cli import evaluate as evaluate_module
 from maipp.cli import plan as plan_module
 from maipp.cli.evaluate import Evaluate
@@ -39,7 +40,7 @@ def worlds(monkeypatch, flags):
         raise ReachedError
 
     monkeypatch.setattr(plan_module, "survey", survey)
-    monkeypatch.setattr(evaluate_module, "evaluate", evaluate)
+    monkeypatch.setattr(evaluation_jobs, "evaluate", evaluate)
     with pytest.raises(ReachedError):
         plan_module.run(Plan(planner="random", **flags))
     with pytest.raises(ReachedError):
