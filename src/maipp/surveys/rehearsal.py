@@ -132,11 +132,10 @@ def rehearse(
     planners = tuple(dict.fromkeys(planners or (survey.planner,)))
     counts = tuple(sorted(set(robots or range(1, len(survey.robots) + 1))))
     every = [(name, count) for name in planners for count in counts]
-    jobs: list[Job] = [
-        TeamJob(survey, name, count, every[0], rehearsal, seed, refitted, foresight) for name, count in every
-    ]
-    for job in jobs:
-        job.kind  # noqa: B018  # what makes a run impossible is told before any work
+    asked = [TeamJob(survey, name, count, every[0], rehearsal, seed, refitted, foresight) for name, count in every]
+    for job in asked:
+        job.check()
+    jobs: list[Job] = [*asked]
     teams: list[list[RehearsedTeam]] = [[] for _ in jobs]
     left = len(jobs)
 
@@ -178,10 +177,8 @@ class TeamJob:
 
     @property
     def kind(self) -> Hashable:
-        """Planner and shape, which set the compiled programs. Raises `InputError` for what makes a run impossible."""
-        prepared = self._prepared(self.planner, self.count)
-        prepared.make_planner()
-        return self.planner, shape_of(prepared.scenario)
+        """Planner and shape, which set the compiled programs."""
+        return self.planner, shape_of(self._prepared(self.planner, self.count).scenario)
 
     @property
     def words(self) -> str:
@@ -206,6 +203,19 @@ class TeamJob:
             "code": code_digest((*SIMULATION, "maipp.planners", "maipp.surveys", "maipp.live", "maipp.foresight")),
         }
 
+    def check(self) -> None:
+        """Raise `InputError` for what makes the run impossible, before any work."""
+        self._prepared(self.planner, self.count).make_planner()
+        if (self.planner, self.count) == self.first:  # one look at the map is enough for all teams
+            self._relief(self._prepared(*self.first))
+
+    def _relief(self, first: PreparedSurvey) -> Any:
+        """The map that stands for the truth; None where fields are drawn."""
+        rehearsal = self.rehearsal
+        if rehearsal.raster is None:
+            return None
+        return raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
+
     def _prepared(self, planner: str, count: int) -> PreparedSurvey:
         return prepare(with_robots(self.survey, count), planner=planner)
 
@@ -215,8 +225,8 @@ class TeamJob:
         prepared, first = self._prepared(self.planner, self.count), self._prepared(*self.first)
         planner = prepared.make_planner()
         key = jax.random.fold_in(jax.random.key(seed), _PLANNER_STREAM)
-        if rehearsal.raster is not None:
-            relief = raster_field(first, rehearsal.raster, rehearsal.value, rehearsal.crs, rehearsal.at)
+        relief = self._relief(first)
+        if relief is not None:
             missions = draw(prepared, planner, seed=seed, instances=1, trials=rehearsal.fields, field=relief)
         else:
             spread = 0.0 if self.refitted is None or first.adapt is None else first.adapt.scale_spread
