@@ -218,8 +218,8 @@ def _find(known: Sequence[Evaluation], job: EvaluationJob) -> Evaluation | None:
 
 def _merged(flags: Evaluate) -> list[Evaluation]:
     """The evaluations that the files hold, parts put together."""
-    if flags.planners or flags.planner or flags.shard or flags.resume:
-        raise InputError("--merge: evaluates nothing; leave out the planners, --shard and --resume")
+    if flags.planners or flags.planner or flags.shard or flags.resume or flags.sweep != SweepFlags():
+        raise InputError("--merge: evaluates nothing; leave out the planners, --shard, --resume, --workers, --cluster")
     done = merged([each for path in flags.merge for each in read_evaluations(path)])
     if not done:
         raise InputError(f"--merge: {flags.merge[0]} holds no evaluations")

@@ -175,7 +175,9 @@ class PlanSearch(eqx.Module):
         index = objective.in_play(belief, inside, self.points, position, reach, prospect)
         coarse, coarse_inside, coarse_known = belief.at(index), inside[index], known[index]
         coarse_prospect = None if prospect is None else prospect.at(index)
-        rough = jnp.arange(0, len(index), _ROUGH)  # every so many of them, which are sorted by weight
+        some = jnp.arange(0, len(index), _ROUGH)  # every so many of them, which are sorted by weight
+        rough = coarse.at(some), coarse_inside[some], coarse_known[some]
+        rough_prospect = None if coarse_prospect is None else coarse_prospect.at(some)
 
         def value(
             belief: Belief,
@@ -195,13 +197,7 @@ class PlanSearch(eqx.Module):
             key,
             last,
             score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
-            rough=lambda plans: value(
-                coarse.at(rough),
-                coarse_inside[rough],
-                coarse_known[rough],
-                None if coarse_prospect is None else coarse_prospect.at(rough),
-                plans,
-            ),
+            rough=lambda plans: value(*rough, rough_prospect, plans),
             final=lambda plans: value(belief, inside, known, prospect, plans),
             options=SearchOptions(self.candidates, self.elites, self.steps, self.rate, self.survivors),
             proposals=proposals,
