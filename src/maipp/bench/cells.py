@@ -1,6 +1,5 @@
 """The cells of a table: missions of a row in a column, run by a sweep, each kept in a file that says what made it."""
 
-import hashlib
 import json
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ import numpy as np
 from maipp.bench.evaluate import evaluate, prior_missions, refuse_values, scored
 from maipp.bench.made_by import machine, planner_fingerprint, versions
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
+from maipp.bench.sweep.jobs import digest
 from maipp.bench.tables import Part, Row, Sample, TableSpec
 from maipp.errors import InputError
 from maipp.files import make_folder, write_atomic
@@ -92,8 +92,7 @@ class Cell:
     @property
     def key(self) -> str:
         """Its name, with a digest of all that decides the numbers."""
-        digest = hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:12]
-        return f"{self.row.name}.B{self.budget:g}.{digest}"
+        return f"{self.row.name}.B{self.budget:g}.{digest(self.made_by)}"
 
     @property
     def file(self) -> str:

@@ -1,6 +1,5 @@
 """Evaluations as jobs of a sweep: parts of the instances, done by the processes of a machine or of a cluster."""
 
-import hashlib
 import json
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import Any
 from maipp.bench.evaluate import Evaluation, Progress, evaluate, fingerprint_of, plain
 from maipp.bench.evaluations import merged
 from maipp.bench.sweep.dealing import Where, run_sweep
-from maipp.bench.sweep.jobs import Job
+from maipp.bench.sweep.jobs import Job, digest
 from maipp.fields.raster import Raster
 from maipp.foresight import ForesightName
 from maipp.planners import make_planner
@@ -40,7 +39,7 @@ class EvaluationJob:
     @property
     def key(self) -> str:
         """A digest of what decides the result."""
-        return hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:16]
+        return digest(self.made_by)
 
     @property
     def kind(self) -> Hashable:

@@ -15,7 +15,7 @@ from jax import lax
 
 from maipp.bench.made_by import SIMULATION, code_digest, planner_fingerprint
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
-from maipp.bench.sweep.jobs import Job
+from maipp.bench.sweep.jobs import Job, digest
 from maipp.engine import Mission, State, run_missions
 from maipp.engine.finite import refuse_non_finite
 from maipp.engine.found import area_found
@@ -173,7 +173,7 @@ class TeamJob:
     @property
     def key(self) -> str:
         """A digest of what decides the result."""
-        return hashlib.sha256(json.dumps(self.made_by, sort_keys=True).encode()).hexdigest()[:16]
+        return digest(self.made_by)
 
     @property
     def kind(self) -> Hashable:

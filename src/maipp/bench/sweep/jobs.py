@@ -1,5 +1,7 @@
 """Jobs of a sweep: what a process is asked, and what it answers. JAX is imported only once there is something to do."""
 
+import hashlib
+import json
 import os
 import pickle
 import platform
@@ -50,6 +52,11 @@ class Job(Protocol):
     def compute(self) -> Any:
         """The result. Raises `InputError` for bad input."""
         ...
+
+
+def digest(made_by: Mapping[str, Any]) -> str:
+    """What stands for `Job.made_by` in a key."""
+    return hashlib.sha256(json.dumps(made_by, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def asked(job: Job) -> bytes:
