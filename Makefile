@@ -4,7 +4,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check install --constraint constraints.txt
+# Python compiles what it imports; pip would compile every file of every package, for half of the installation's time.
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check install --no-compile --constraint constraints.txt
 
 # Benchmarks run on the first core this process may use, so that numbers from different machines compare.
 PIN = $(shell command -v taskset >/dev/null 2>&1 && \
