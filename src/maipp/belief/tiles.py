@@ -73,9 +73,10 @@ def tile_moments(
     # On a CPU tile by tile, whose matrices stay in a core's cache: a third of the time of all tiles at once.
     every = partial(lax.map, predict) if jax.default_backend() == "cpu" else jax.vmap(predict)
     mean, variance = every(points[index])
-    flat = index.reshape(-1)
-    none = jnp.zeros(points.shape[0], points.dtype)
-    return none.at[flat].set(mean.reshape(-1)), none.at[flat].set(variance.reshape(-1))
+    # Gathered, not scattered: a CPU takes microseconds for each place that is written to. The last point may be in its
+    # tile several times.
+    place = jnp.argsort(index.reshape(-1))[: points.shape[0]]
+    return mean.reshape(-1)[place], variance.reshape(-1)[place]
 
 
 def _predict(
@@ -119,9 +120,12 @@ def _with_nugget(
         solved, nugget = tried
         return (nugget < large) & ~jnp.isfinite(solved).all()
 
+    def again(tried: tuple[Array, Array]) -> tuple[Array, Array]:
+        nugget = jnp.maximum(tried[1], large)  # of the carry: a constant would have XLA solve it before the loop
+        return _solve(covariance, right, nugget), nugget
+
     # What is carried is the solution and not the factor, which the loop would have copied to a layout of its own.
-    first = _solve(covariance, right, small), small
-    return lax.while_loop(fails, lambda _: (_solve(covariance, right, large), large), first)
+    return lax.while_loop(fails, again, (_solve(covariance, right, small), small))
 
 
 @jax.custom_jvp
