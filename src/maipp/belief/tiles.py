@@ -23,7 +23,7 @@ _MARGIN = 0.2
 _NUGGETS = (1e-6, 1e-4)
 
 
-class Survey(NamedTuple):
+class OrderedMeasurements(NamedTuple):
     """All that has been measured, with the order to thin it by."""
 
     x: Float[Array, "n 2"]  # measured positions, domain units
@@ -40,9 +40,9 @@ def survey_of(
     mask: Bool[Array, " n"],
     noise: float | Float[Array, ""],
     extra_noise: Float[Array, " n"] | None = None,
-) -> Survey:
+) -> OrderedMeasurements:
     """The survey with these measurements."""
-    return Survey(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype), extra_noise)
+    return OrderedMeasurements(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype), extra_noise)
 
 
 def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
@@ -56,7 +56,7 @@ def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
 
 
 def tile_moments(
-    kernel: Kernel, survey: Survey, points: Float[Array, "p 2"]
+    kernel: Kernel, survey: OrderedMeasurements, points: Float[Array, "p 2"]
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Posterior mean and variance at the points, each given the measurements that tell most of its tile.
 
@@ -73,7 +73,7 @@ def tile_moments(
 
 
 def _predict(
-    kernel: Kernel, survey: Survey, tiles: Float[Array, "t c 2"], count: int
+    kernel: Kernel, survey: OrderedMeasurements, tiles: Float[Array, "t c 2"], count: int
 ) -> tuple[Float[Array, "t c"], Float[Array, "t c"]]:
     """Mean and variance at the points of each tile."""
     low, high = jnp.min(tiles, axis=1), jnp.max(tiles, axis=1)
