@@ -35,8 +35,9 @@ fleet: $(VENV)/.installed-dev ## three boats as processes of their own, simulate
 test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
 	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder)
 
-lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright, and whether docs/cli.md is up to date
+lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright, and whether docs/cli.md and docs/schemas are up to date
 	@$(BIN)/python -m tests.tools.cli_reference --check
+	@$(BIN)/python -m tests.tools.schemas --check
 	$(BIN)/ruff check src tests
 	$(BIN)/ruff format --check src tests
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright

@@ -4,8 +4,10 @@ Exact, but for a belief that holds only a window of a survey with more measureme
 """
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 
@@ -115,27 +117,38 @@ def _with_survey(belief: Belief, survey: OrderedMeasurements) -> Belief:
     )
 
 
+@jax.custom_jvp
 def nugget_factor(
     gram: Float[Array, "n n"], noise: Float[Array, ""], signal: Float[Array, ""]
 ) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
     """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or more where that is not finite.
 
     `signal` is the signal variance: the unit of the nugget's growth. A matrix that a tenth of it does not help (it
-    holds NaN, or more than the float can) has a factor of NaN.
+    holds NaN, or more than the float can) has a factor of NaN. The factor has a derivative in `gram` alone, with the
+    nugget as it is.
     """
-    identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
-    fixed = lax.stop_gradient(gram)
 
-    def fails(nugget: Float[Array, ""]) -> Bool[Array, ""]:
-        finite = jnp.isfinite(jnp.linalg.cholesky(fixed + nugget * identity)).all()
-        return ~finite & (nugget < _NUGGET_LIMIT * signal)
+    def fails(tried: tuple[Array, Array]) -> Bool[Array, ""]:
+        factor, nugget = tried
+        return ~jnp.isfinite(factor).all() & (nugget < _NUGGET_LIMIT * signal)
 
-    def grow(nugget: Float[Array, ""]) -> Float[Array, ""]:
-        return jnp.maximum(nugget * _NUGGET_GROWTH, _NUGGET_START * signal)
+    def grow(tried: tuple[Array, Array]) -> tuple[Array, Array]:
+        nugget = jnp.maximum(tried[1] * _NUGGET_GROWTH, _NUGGET_START * signal)
+        return _factor(gram, nugget), nugget
 
-    # Searching for the nugget apart from the factor keeps the factor differentiable; trying one costs microseconds.
-    nugget = lax.while_loop(fails, grow, lax.stop_gradient(noise))
-    return jnp.linalg.cholesky(gram + nugget * identity), nugget
+    return lax.while_loop(fails, grow, (_factor(gram, noise), noise))
+
+
+@nugget_factor.defjvp
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Any, Any]:
+    """The derivative with the nugget that was found: a loop cannot be differentiated backwards."""
+    nugget = nugget_factor(*lax.stop_gradient(primals))[1]
+    factor, slope = jax.jvp(lambda gram: _factor(gram, nugget), primals[:1], tangents[:1])
+    return (factor, nugget), (slope, jnp.zeros_like(nugget))
+
+
+def _factor(gram: Float[Array, "n n"], nugget: Float[Array, ""]) -> Float[Array, "n n"]:
+    return jnp.linalg.cholesky(gram + nugget * jnp.eye(gram.shape[0], dtype=gram.dtype))
 
 
 def condition(

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich import box
@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
+from maipp.cli.scenario_flags import foresight_named
 from maipp.errors import InputError
 
 if TYPE_CHECKING:  # they import JAX, which `maipp result --help` can do without
@@ -36,7 +37,7 @@ class ResultFlags:
     """cells along the longer side of the map"""
 
     foresight: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """add what this foresight expects of the true field to the map, such as fitted (docs/foresight.md)"""
+    """add what this foresight expects of the true field to map and report, such as fitted (docs/foresight.md)"""
 
     mission: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """mission or scenario file of a journal that an earlier version wrote, which does not hold it"""
@@ -44,8 +45,6 @@ class ResultFlags:
 
 def run(flags: ResultFlags) -> int:
     """Read the survey, write the files, print the summary."""
-    from maipp.foresight import FORESIGHTS
-    from maipp.records import unknown
     from maipp.results import read_taken, write_result
     from maipp.results.field_map import CELLS, FEWEST_CELLS, MOST_CELLS
     from maipp.results.sources import source_file
@@ -53,9 +52,7 @@ def run(flags: ResultFlags) -> int:
     cells = CELLS if flags.cells is None else flags.cells
     if not FEWEST_CELLS <= cells <= MOST_CELLS:
         raise InputError(f"--cells: {cells} is not a number of cells from {FEWEST_CELLS} to {MOST_CELLS}")
-    foresight: Any = flags.foresight
-    if foresight is not None and foresight not in FORESIGHTS:
-        raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
+    foresight = foresight_named(flags.foresight)
     if source_file(flags.source).resolve().parent == flags.out.resolve():
         raise InputError(f"--out: {flags.out} is where {source_file(flags.source).name} is; give another folder")
     taken = read_taken(flags.source, _mission(flags.mission))

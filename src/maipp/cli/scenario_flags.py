@@ -4,19 +4,20 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import tyro
 
 from maipp.errors import InputError
 from maipp.planners import planner_names, planner_options
-from maipp.records import FieldError, assignments
+from maipp.records import FieldError, assignments, unknown
 from maipp.scenario import Scenario
 from maipp.scenario_io import load_scenario
 
 if TYPE_CHECKING:  # they import JAX, which `--help` can do without
     from maipp.fields.raster import Raster
+    from maipp.foresight import ForesightName
     from maipp.geo import GeoReference
 
 _SCENARIO_KEY = "scenario."
@@ -210,3 +211,12 @@ def _literal(text: str) -> Any:
         return ast.literal_eval(text)
     except (ValueError, SyntaxError, MemoryError, RecursionError):
         return text
+
+
+def foresight_named(name: str | None) -> "ForesightName | None":
+    """The foresight of a `--foresight` flag. Raises `InputError` for one that there is not."""
+    from maipp.foresight import FORESIGHTS
+
+    if name is not None and name not in FORESIGHTS:
+        raise InputError(f"--foresight: {unknown('foresight', name, list(FORESIGHTS))}")
+    return cast("ForesightName | None", name)

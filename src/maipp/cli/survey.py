@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
+from maipp.cli.scenario_flags import foresight_named
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -275,8 +276,6 @@ def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from maipp.bench.sweep.dealing import HERE
-    from maipp.foresight import FORESIGHTS
-    from maipp.records import unknown
     from maipp.surveys.rehearsal import rehearse
     from maipp.surveys.rehearsal_report import summary_table, words
     from maipp.surveys.rehearsal_report import write_report as write_rehearsal
@@ -295,9 +294,7 @@ def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
     where = flags.sweep.where()
     if where.cluster is None and where.workers is None:
         where = HERE
-    foresight: Any = flags.foresight
-    if foresight is not None and foresight not in FORESIGHTS:
-        raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
+    foresight = foresight_named(flags.foresight)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with staged_folder(flags.out) as stage:
         with Progress(*columns, console=notes, disable=not notes.is_terminal, transient=True) as bar:

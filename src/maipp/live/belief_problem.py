@@ -8,7 +8,8 @@ import numpy as np
 
 from maipp.belief.refit import HyperPrior
 from maipp.engine import Mission, draw_missions
-from maipp.engine.episode_numbers import Above0, numbers
+from maipp.engine.episode_keys import Above0
+from maipp.engine.episode_numbers import numbers
 from maipp.engine.episode_place import read_reference, read_system
 from maipp.live.gate import LEVEL
 from maipp.live.site import Ring, Site

@@ -45,7 +45,7 @@ def taken_recorded(path: str | os.PathLike[str]) -> Taken:
         truth_known=not episode.expected,
         samples=tuple(_samples(episode, names)),
         robots=_robots(episode, names),
-        belief=_belief(episode),
+        belief=belief_of(episode),
         notes=(_EXPECTED,) if episode.expected else (),
     )
 
@@ -84,7 +84,7 @@ def _robots(episode: Episode, names: tuple[str, ...]) -> tuple[TakenRobot, ...]:
     return tuple(rows)
 
 
-def _belief(episode: Episode) -> Beliefs:
+def belief_of(episode: Episode) -> Beliefs:
     """The belief from all that was measured, asked as that of a live survey is."""
     prior, starts = episode.prior, np.stack([agent.start for agent in episode.agents])
     samples = None if prior is None else (np.asarray(prior.x), np.asarray(prior.y))

@@ -30,8 +30,8 @@ def write_result(
 ) -> Result:
     """Write map.tif, samples.csv, report.html and result.json into the folder, made if need be; older ones go.
 
-    `cells` is the number of cells along the longer side of the map, which has what a `foresight` expects of the true
-    field as well, if one is named. Without plotly there is no report.
+    `cells` is the number of cells along the longer side of the map. Map and report have what a `foresight` expects of
+    the true field as well, if one is named. Without plotly there is no report.
     Raises `InputError` where rasterio is missing and where the folder cannot be written to, which is then as it was.
     """
     load_rasterio()  # before any work
@@ -43,12 +43,13 @@ def write_result(
         write_geotiff(stage / MAP, drawn, taken.frame.unit)
         write_atomic(stage / SAMPLES, samples_csv(taken))
         if REPORT in files:
-            _write_report(stage / REPORT, taken, told)
+            _write_report(stage / REPORT, taken, told, foresight)
         write_atomic(stage / NUMBERS, json.dumps(told, indent=2, allow_nan=False) + "\n")
     return Result(told, tuple(files))
 
 
-def _write_report(path: Path, taken: Taken, told: dict[str, Any]) -> None:
+def _write_report(path: Path, taken: Taken, told: dict[str, Any], foresight: ForesightName | None) -> None:
+    from maipp.results.foreseen import foreseen
     from maipp.viz.report import SurveyReport, write_report
 
     unit = told["units"]["length"]
@@ -65,5 +66,6 @@ def _write_report(path: Path, taken: Taken, told: dict[str, Any]) -> None:
         summary=tuple(told["summary"]),
         homes=tuple(came_home(robot, unit) for robot in told["robots"]),
         kept_out=tuple(kept_out_rows(told)),
+        foreseen=None if foresight is None else foreseen(taken.episode, taken.belief, foresight),
     )
     write_report(path, report)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from maipp.geo import Crs
-from maipp.records import Within, described
+from maipp.records import Within, described, expected
 from maipp.records.kinds import Each
 from maipp.renamed import renamed
 from maipp.route_files.vehicle_settings import VehicleSettings
@@ -164,6 +164,19 @@ class SampleFile:
     def columns(self) -> Mapping[str, str]:
         """The names of the columns that are told, under "x", "y" and "value"."""
         return {key: name for key in ("x", "y", "value") if (name := getattr(self, key)) is not None}
+
+
+@dataclass(frozen=True)
+class VehicleKeys:
+    """The vehicle as the file has it; None is as `Vehicle` has it."""
+
+    kind: Text | None = described(None, "`boat`, `rover` or `copter`", allowed=expected(Text))
+    autopilot: Text | None = described(None, "`ardupilot` or `px4`", allowed=expected(Text))
+    altitude_m: Number | None = described(None, "metres above home of every waypoint", allowed=expected(Number))
+    return_home: bool | None = described(None, "robots without an end come back to their start", allowed=expected(bool))
+    fence: bool | None = described(
+        None, "the area and the zones become the autopilot's geofence", allowed=expected(bool)
+    )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Mission files: YAML read to a `Survey`, every complaint on one line with file, line and key (docs/mission.md)."""
+"""Mission files: YAML read to a `MissionFile`, every complaint on one line with file, line and key (docs/mission.md)."""
 
 import dataclasses
 import os
@@ -18,7 +18,6 @@ from maipp.surveys.mission_file import (
     AREA,
     Metres,
     MissionFile,
-    Number,
     Pair,
     RasterArea,
     Rehearsal,
@@ -34,8 +33,7 @@ ROBOT_KEYS = tuple(records.RobotKeys.__dataclass_fields__)
 KERNEL_KEYS = tuple(records.KernelSpec.__dataclass_fields__)
 SAMPLE_KEYS = tuple(key for key in SampleFile.__dataclass_fields__ if key != "where")
 REHEARSAL_KEYS = tuple(Rehearsal.__dataclass_fields__)
-_VEHICLE = {"kind": Text, "autopilot": Text, "altitude_m": Number, "return_home": bool, "fence": bool}
-VEHICLE_KEYS = tuple(_VEHICLE)
+VEHICLE_KEYS = tuple(records.VehicleKeys.__dataclass_fields__)
 # The rest of the scenario follows from the mission.
 SCENARIO_KEYS = (
     "grid",
@@ -212,8 +210,8 @@ def _vehicle(value: Value) -> VehicleSettings:
     """The vehicle that route files are for: its kind, or a mapping with more of it."""
     given = {"kind": value.value}
     if isinstance(value.value, dict):
-        value.mapping(VEHICLE_KEYS)
-        given = {key.removesuffix("_m"): value[key].fit(kind) for key, kind in _VEHICLE.items() if key in value}
+        keys = vars(value.record(records.VehicleKeys))
+        given = {key.removesuffix("_m"): told for key, told in keys.items() if told is not None}
         given.pop("return_home", None)  # is the robots' business
     elif not isinstance(value.value, str):
         value.unfit("a vehicle; give boat, rover or copter")
@@ -225,9 +223,9 @@ def _vehicle(value: Value) -> VehicleSettings:
 
 def _returns(root: Value) -> bool:
     """Whether the vehicles are to come home."""
-    vehicle = root["vehicle"] if "vehicle" in root else None
-    known = vehicle is not None and isinstance(vehicle.value, dict) and "return_home" in vehicle
-    return vehicle["return_home"].fit(bool) if vehicle is not None and known else False
+    if "vehicle" not in root or not isinstance(root["vehicle"].value, dict):
+        return False
+    return root["vehicle"].part(records.VehicleKeys, "return_home") if "return_home" in root["vehicle"] else False
 
 
 def _samples(value: Value, readers: _Readers) -> SampleFile:

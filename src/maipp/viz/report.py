@@ -12,9 +12,9 @@ from maipp.viz.report_data import page_data
 from maipp.viz.report_frames import frames_of
 from maipp.viz.report_grid import map_grid
 from maipp.viz.report_page import page, plotly_program
-from maipp.viz.report_survey import SurveyReport
+from maipp.viz.report_survey import Foreseen, SurveyReport
 
-__all__ = ["Broadcast", "SurveyReport", "report_html", "write_report"]
+__all__ = ["Broadcast", "Foreseen", "SurveyReport", "report_html", "write_report"]
 
 
 def report_html(report: SurveyReport) -> str:

@@ -1,6 +1,7 @@
 """What a survey's report tells: the record, and the facts that give it names, places and units."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,14 @@ from maipp.errors import InputError
 from maipp.geo import GeoReference
 from maipp.team.broadcast import Broadcast
 from maipp.typing import Float
+
+
+class Foreseen(NamedTuple):
+    """What a foresight expects of the true field at the end of a survey, on the evaluation grid, normalised units."""
+
+    name: str  # of the foresight
+    mean: Float[np.ndarray, " q"]
+    std: Float[np.ndarray, " q"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +45,10 @@ class SurveyReport:
     summary: tuple[str, ...] = ()  # sentences that come first
     homes: tuple[str, ...] = ()  # of each robot, whether it came home, in words; empty: not told
     kept_out: tuple[tuple[str, ...], ...] = ()  # rows of the samples that do not count, their heading first
+    foreseen: Foreseen | None = None  # the map that a foresight draws of all that was measured; None: none was asked
 
     def __post_init__(self) -> None:
-        agents = len(self.episode.agents)
+        agents, truth = len(self.episode.agents), np.shape(self.episode.truth)
         if self.names and len(self.names) != agents:
             raise InputError(f"names: {len(self.names)} for {agents} robots; give one each, or none")
         if self.homes and len(self.homes) != agents:
@@ -54,6 +64,9 @@ class SurveyReport:
             places, values = np.shape(self.prior_x), np.shape(self.prior_y)
             if len(places) != 2 or places[1] != 2 or values != places[:1]:
                 raise InputError(f"prior_x, prior_y: shapes {places} and {values}; give (p, 2) and (p,)")
+        if self.foreseen is not None and not np.shape(self.foreseen.mean) == np.shape(self.foreseen.std) == truth:
+            shapes = np.shape(self.foreseen.mean), np.shape(self.foreseen.std)
+            raise InputError(f"foreseen: shapes {shapes[0]} and {shapes[1]}; give the evaluation grid's, {truth}")
         rings = [("area", self.area)] if self.area is not None else []
         for name, ring in rings + [(f"no_go[{i}]", ring) for i, ring in enumerate(self.no_go or ())]:
             shape = np.shape(ring)
@@ -61,7 +74,7 @@ class SurveyReport:
                 raise InputError(f"{name}: shape {shape}; give (v, 2) with v >= 3 corners, all of them finite")
         wrong = [told.agent for told in self.broadcasts if not 0 <= told.agent < agents]
         if wrong:
-            raise InputError(f"told: robot {wrong[0]} of {agents}; count from 0")
+            raise InputError(f"broadcasts: robot {wrong[0]} of {agents}; count from 0")
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ def plan_team(
         return search.objective.expected(then.mean, then.variance, known, inside, prospect)
 
     slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, coarse_prospect, plans))
-    refined = descend(slope, begin(plans), search.steps, search.rate / 2).plans
+    refined = descend(slope, begin(plans), search.gradient_steps, search.rate / 2).plans
     better = after(belief, inside, known, prospect, refined) < after(belief, inside, known, prospect, plans)
     return jnp.where(better, refined, plans)[observation.agent]
 
