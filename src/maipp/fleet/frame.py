@@ -5,7 +5,7 @@ import zlib
 from typing import Any
 
 from maipp.fleet.log import Head, Origin, read_origin
-from maipp.fleet.logs import Part
+from maipp.fleet.logs import LogSegment
 
 # Largest frame, bytes as they come; largest part of a log, bytes unpacked.
 LARGEST_FRAME, LARGEST_PART = 1 << 22, 1 << 24
@@ -38,7 +38,7 @@ def _refuse(name: str) -> None:
     raise ValueError(f"{name} is no number")
 
 
-def encode_part(part: Part) -> bytes:
+def encode_part(part: LogSegment) -> bytes:
     """A part of a log; what has more than one line is compressed."""
     text = b"\n".join(part.lines)
     packed = len(part.lines) > 1
@@ -46,7 +46,7 @@ def encode_part(part: Part) -> bytes:
     return encode(header, zlib.compress(text, 6) if packed else text)
 
 
-def decode_part(frame: bytes) -> Part:
+def decode_part(frame: bytes) -> LogSegment:
     """The part of a log that a frame holds. Raises `ValueError` for what is none."""
     header, body = decode(frame)
     origin, start = read_origin(_text(header, "origin")), _count(header, "start")
@@ -59,7 +59,7 @@ def decode_part(frame: bytes) -> Part:
             raise ValueError(str(error)) from None
         if not stream.eof or stream.unused_data:
             raise ValueError("a part that is cut short, or too large")
-    return Part(origin, start, body.split(b"\n"), signature)
+    return LogSegment(origin, start, body.split(b"\n"), signature)
 
 
 def encode_heads(heads: dict[Origin, Head]) -> dict[str, Any]:

@@ -11,12 +11,12 @@ from maipp.engine.decision import Observation
 from maipp.engine.options import option
 from maipp.errors import InputError
 from maipp.foresight import Foresight, ForesightName
+from maipp.planners.announced.announced_measurements import latest
 from maipp.planners.announced.announcement import Announcement, nothing_announced, with_announced
 from maipp.planners.announced.meeting import appointment, lateness
-from maipp.planners.announced.told import latest
 from maipp.planners.lookahead import measurement_offsets
+from maipp.planners.plane.planner_zones import planner_zones
 from maipp.planners.plane.walks import bend, walk, walk_bent
-from maipp.planners.plane.zones import planner_zones
 from maipp.planners.search.detour import better_leg
 from maipp.planners.search.first_leg import FirstLeg, depart
 from maipp.planners.search.objective import Objective
