@@ -9,6 +9,7 @@ from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
+from tests.conftest import slow
 
 
 def test_the_paper_s_best_rows():
@@ -123,7 +124,7 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
         ("lawnmower", {}),
         ("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}),
-        ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
+        slow("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
         ("intent-paths", {"weights": "untrained", "paths": 2, "steps": 2}),
     ],
 )

@@ -152,6 +152,7 @@ def assert_nobody_is_left(group):
     pytest.fail("a process of the group is left")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals to a group")
 def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(running):
     os.killpg(running.pid, signal.SIGINT)
@@ -160,6 +161,7 @@ def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(running):
     assert_nobody_is_left(running.pid)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals to a group")
 def test_workers_end_with_a_parent_that_is_killed(running):
     running.kill()

@@ -21,8 +21,6 @@ from maipp.training.foresight.learner import ForesightLearner
 from maipp.training.foresight.run import train_foresight
 from maipp.training.training_log import read_log
 
-pytestmark = pytest.mark.slow
-
 TINY = NAMED["smoke"].replace(width=8, updates=6, evaluate_every=3, validation=16, area=1.0, average=0.9)
 
 
@@ -64,6 +62,7 @@ def test_what_a_run_leaves(straight):
     assert np.all(np.asarray(model.widening) > 0.3) and np.all(np.asarray(model.widening) < 3.0)
 
 
+@pytest.mark.slow
 def test_interrupted_and_resumed_a_run_ends_with_the_same_bytes(straight, tmp_path):
     out, learner, _ = straight
 

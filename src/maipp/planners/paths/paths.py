@@ -74,21 +74,31 @@ def virtual_views(
     node: Int[Array, " a"],
     nodes: Int[Array, "a j"],
     length: Float[Array, " a"],
+    *,
+    features: bool = True,
 ) -> PolicyView:
     """What the policy is shown at `node` (leading axis a), having come by `nodes`, `length` far (domain units).
 
-    Budget and standard deviations are as the measurements passed so far would leave them.
+    Budget and standard deviations are as the measurements passed so far would leave them. Without `features` these are
+    the real situation's, and only the neighbours are looked at anew.
     """
     positions = jnp.asarray(start.roadmap.nodes)
     points, taken = _measurements(scenario, start, positions[nodes], length)
-    std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
+    everywhere = predicted_variance(start.nodes, points, taken) if features else None
 
-    def look(node: Index, length: Array, std: Vector) -> PolicyView:
+    def look(
+        node: Index, length: Array, points: Float[Array, "h 2"], taken: Bool[Array, " h"], variance: Vector | None
+    ) -> PolicyView:
         remaining = start.remaining - length
         here = edges(start.roadmap, node, remaining, scenario.last_leg, start.meeting)
-        return policy_view(scenario, start.roadmap, start.nodes, here, positions[node], remaining, start.intent, std)
+        where = here, positions[node], remaining, start.intent
+        if variance is not None:
+            return policy_view(scenario, start.roadmap, start.nodes, *where, jnp.sqrt(variance))
+        near = predicted_variance(start.nodes.at(here.target_nodes), points[None], taken[None])[0]
+        shown = policy_view(scenario, start.roadmap, start.nodes, *where)
+        return shown._replace(neighbour_std=jnp.sqrt(near))
 
-    return jax.vmap(look)(node, length, std)
+    return jax.vmap(look)(node, length, points, taken, everywhere)
 
 
 def follow(turn: Index, allowed: Bool[Array, " k"], otherwise: Index) -> Index:
@@ -148,7 +158,7 @@ def sample_paths(
 
     def advance(state: _VirtualStep, inputs: tuple[Array, Key]) -> tuple[_VirtualStep, tuple[Array, Array]]:
         t, step_key = inputs
-        view = virtual_views(scenario, start, state.node, state.nodes, state.length)
+        view = virtual_views(scenario, start, state.node, state.nodes, state.length, features=reencode)
         # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
         logits, memory = jax.vmap(decode)(view, state.memory)
         go = view.allowed.any(axis=-1)
