@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maipp.errors import InputError
-from maipp.route_files import Route, RoutePlan, VehicleSettings, left_out, write_route_files
+from maipp.route_files import Route, RoutePlan, VehicleSettings, left_out, write_route_files, writer
 
 GOLDEN = Path(__file__).with_name("golden")
 

@@ -1,4 +1,4 @@
-"""Mission files: YAML read to a `MissionFile`; complaints are one line with file, line and key (docs/mission.md)."""
+"""Mission files: YAML read to a `MissionFile`, each complaint on one line with file, line and key (docs/mission.md)."""
 
 import dataclasses
 import os
