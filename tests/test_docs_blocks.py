@@ -24,7 +24,7 @@ from maipp.bench.tables import TABLES, read_table
 from maipp.cli import benchmark
 from maipp.cli.benchmark import Benchmark
 from maipp.cli.benchmark_table import TableFile, TableFlags
-from maipp.cli.evaluate import Evaluate, _rows
+from maipp.cli.evaluate import Evaluate, rows_of
 from maipp.cli.main import COMMANDS, command_of, flags_of
 from maipp.cli.plan import Plan
 from maipp.cli.train import Train
@@ -163,7 +163,7 @@ def understood(arguments: list[str]) -> None:
     elif isinstance(flags, Evaluate):
         options = [item for group in flags.settings for item in group]
         if not any(item.startswith("weights=runs/") for item in options):
-            assert flags.merge or _rows(flags)
+            assert flags.merge or rows_of(flags)
     elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFile):
         assert flags.name.file.suffix == ".yaml"
     elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFlags):
