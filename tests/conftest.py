@@ -95,9 +95,9 @@ def tiny_planner(request):
 @pytest.fixture(scope="session")
 def tiny_table():
     """Table IV of the benchmark with two ranges, two budgets, missions and rows that compile quickly."""
-    from maipp.bench.tables import TABLES, Part
+    from maipp.bench.tables import TABLES, TablePart
 
     table = TABLES["table4"]
-    parts = tuple(Part(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
+    parts = tuple(TablePart(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
     rows = tuple(row for row in table.rows if row.name in ("random", "greedy", "lawnmower"))
     return replace(table, rows=rows, parts=parts, columns=(2.0, 3.0), reference="greedy")

@@ -12,7 +12,7 @@ from matplotlib.animation import FFMpegWriter
 
 import maipp.viz
 from maipp.belief import PriorSamples
-from maipp.cli.plan import Plan, report, run
+from maipp.cli.plan import PlanFlags, report, run
 from maipp.engine.episode import replay
 from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
@@ -25,7 +25,7 @@ FILES = sorted(["episode.json", "measurements.csv", "mission.gif", "overview.png
 
 
 def small(out, **flags):
-    return Plan(**({"planner": "random", "agents": 2, "budget": (1.0,), "settings": SMALL, "out": out} | flags))
+    return PlanFlags(**({"planner": "random", "agents": 2, "budget": (1.0,), "settings": SMALL, "out": out} | flags))
 
 
 @pytest.fixture(autouse=True)

@@ -12,10 +12,10 @@ from maipp.files import write_atomic
 from maipp.geo import Crs
 from maipp.live.events import KINDS
 from maipp.live.request import QUERIES
-from maipp.missions.vehicle import AUTOPILOTS, Vehicle
-from maipp.missions.vehicle import KINDS as VEHICLES
+from maipp.route_files.vehicle_settings import AUTOPILOTS, VehicleSettings
+from maipp.route_files.vehicle_settings import KINDS as VEHICLES
 from maipp.scenario import Scenario
-from maipp.surveys import survey as mission
+from maipp.surveys import mission_file as mission
 from maipp.surveys import survey_io
 from tests.tools.json_schema import Schema, Writer, any_of, whole
 
@@ -67,18 +67,18 @@ def mission_file() -> Schema:
     writer = Writer(
         {
             Crs: _CRS,
-            Vehicle: any_of([{"enum": list(VEHICLES)}, vehicle.of(mission.VehicleKeys)]),
-            (mission.Survey, "area"): any_of([shape, plain.of(mission.RasterAreaKeys)]),
-            (mission.Survey, "no_go"): any_of([shape, {"type": "array", "items": shape}]),
-            (mission.Survey, "robots"): robots,
-            (mission.Survey, "samples"): any_of([_PATH, samples]),
-            (mission.Survey, "scenario"): Writer().record(Scenario, only=survey_io.SCENARIO_KEYS),
-            (mission.Survey, "rehearsal"): any_of(
+            VehicleSettings: any_of([{"enum": list(VEHICLES)}, vehicle.of(mission.VehicleKeys)]),
+            (mission.MissionFile, "area"): any_of([shape, plain.of(mission.RasterAreaKeys)]),
+            (mission.MissionFile, "no_go"): any_of([shape, {"type": "array", "items": shape}]),
+            (mission.MissionFile, "robots"): robots,
+            (mission.MissionFile, "samples"): any_of([_PATH, samples]),
+            (mission.MissionFile, "scenario"): Writer().record(Scenario, only=survey_io.SCENARIO_KEYS),
+            (mission.MissionFile, "rehearsal"): any_of(
                 [plain.of(mission.Fields), _PATH, plain.of(mission.Rehearsal)],
             ),
         }
     )
-    return writer.record(mission.Survey, only=survey_io.KEYS)
+    return writer.record(mission.MissionFile, only=survey_io.KEYS)
 
 
 def _opened(schema: Schema) -> Schema:

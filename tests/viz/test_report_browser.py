@@ -9,7 +9,7 @@ from PIL import Image
 
 from maipp.engine.episode import Episode
 from maipp.scenario import Scenario
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.viz.report import Foreseen, SurveyReport, write_report
 from tests.shared.chromium import CHROMIUM, FLAGS, MARKS
 
@@ -84,9 +84,9 @@ def full(episode, mapping):
     nothing = np.full(2, np.nan), np.full(3, np.nan)
     places = np.array([[0.4, 0.15], [0.6, 0.2]])
     told = (
-        Told(0, 0.0, np.array([0.5, 0.2]), np.array([0.01, 0.0, 0.004]), np.empty((0, 2)), np.empty(0)),
-        Told(1, 0.0, *nothing, places, np.array([0.1, 0.3])),
-        Told(0, float(episode.end), *nothing, np.empty((0, 2)), np.empty(0)),
+        Broadcast(0, 0.0, np.array([0.5, 0.2]), np.array([0.01, 0.0, 0.004]), np.empty((0, 2)), np.empty(0)),
+        Broadcast(1, 0.0, *nothing, places, np.array([0.1, 0.3])),
+        Broadcast(0, float(episode.end), *nothing, np.empty((0, 2)), np.empty(0)),
     )
     return SurveyReport(
         dataclasses.replace(
@@ -99,7 +99,7 @@ def full(episode, mapping):
         no_go=(np.array([[11.4, 60.3], [11.7, 60.3], [11.5, 60.4]]),),
         prior_x=np.array([[10.5, 60.2], [11.0, 60.1]]),
         prior_y=np.array([25.0, 15.0]),
-        told=told,
+        broadcasts=told,
         warnings=(NASTY,),
         foreseen=Foreseen("fitted", episode.truth, np.linspace(0.0, 0.2, 81)),
     )

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.viz.report_data import INTENT_SHARE, packed, page_data
 from maipp.viz.report_frames import frames_of
 from maipp.viz.report_grid import map_grid
@@ -114,8 +114,8 @@ def test_a_foresight_s_map_is_drawn_in_the_user_s_units(episode, mapping):
 def test_an_intent_is_an_ellipse_that_holds_most_of_it(episode):
     rng = np.random.default_rng(0)
     mean, covariance = np.array([0.4, 0.2]), np.array([[0.02, 0.008], [0.008, 0.01]])
-    told = Told(1, 0.0, mean, covariance[[0, 0, 1], [0, 1, 1]], np.empty((0, 2)), np.empty(0))
-    data = data_of(SurveyReport(episode, told=(told,)))
+    told = Broadcast(1, 0.0, mean, covariance[[0, 0, 1], [0, 1, 1]], np.empty((0, 2)), np.empty(0))
+    data = data_of(SurveyReport(episode, broadcasts=(told,)))
     ellipse = data["told"][0]["ellipse"]
     ring = np.stack([ellipse["x"], ellipse["y"]], -1)
     from matplotlib.path import Path
@@ -127,8 +127,8 @@ def test_an_intent_is_an_ellipse_that_holds_most_of_it(episode):
 
 def test_announced_places_are_kept_with_their_times(episode):
     nothing = np.full(2, np.nan), np.full(3, np.nan)
-    told = Told(0, 0.0, *nothing, np.array([[0.2, 0.2], [0.3, 0.3], [9, 9]]), np.array([0.1, 0.2, np.inf]))
-    entry = data_of(SurveyReport(episode, told=(told,), seconds_per_time=60.0))["told"][0]
+    told = Broadcast(0, 0.0, *nothing, np.array([[0.2, 0.2], [0.3, 0.3], [9, 9]]), np.array([0.1, 0.2, np.inf]))
+    entry = data_of(SurveyReport(episode, broadcasts=(told,), seconds_per_time=60.0))["told"][0]
     assert entry == {"ellipse": None, "places": {"x": [0.2, 0.3], "y": [0.2, 0.3], "time": [6.0, 12.0]}}
 
 
@@ -150,7 +150,7 @@ def test_prior_samples_are_shown(episode):
         ({"area": np.zeros((2, 2))}, r"area: shape \(2, 2\); give \(v, 2\)"),
         ({"no_go": (np.full((3, 2), np.nan),)}, r"no_go\[0\]: shape"),
         ({"foreseen": Foreseen("fitted", np.zeros(81), np.zeros(9))}, r"foreseen: shapes \(81,\) and \(9,\)"),
-        ({"told": (Told(2, 0.0, *[np.zeros(2)] * 4),)}, "told: robot 2 of 2"),
+        ({"broadcasts": (Broadcast(2, 0.0, *[np.zeros(2)] * 4),)}, "broadcasts: robot 2 of 2"),
     ],
 )
 def test_facts_that_contradict_are_told_in_one_line(episode, facts, message):

@@ -4,13 +4,15 @@ Exact, but for a belief that holds only a window of a survey with more measureme
 """
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief.kernel import Kernel
-from maipp.belief.tiles import Survey, tile_moments
+from maipp.belief.tiles import OrderedMeasurements, tile_moments
 from maipp.typing import Array, Bool, Float, Int
 
 # The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it. Where it
@@ -41,7 +43,7 @@ class Belief(eqx.Module):
     noise: Float[Array, ""]  # noise variance actually used
     extra_noise: Float[Array, " n"] | None = None  # what that of each measurement exceeds it by; None: nothing
     # Of a belief whose slots hold only a part of what is known (`belief/window.py`), else None:
-    survey: Survey | None = None  # all of it
+    survey: OrderedMeasurements | None = None  # all of it
     shrink: Float[Array, " q"] | None = None  # std at the query points given all of it, over that given the slots
     window: int = eqx.field(static=True, default=0)  # slots that hold the part; virtual measurements come after them
 
@@ -82,7 +84,7 @@ class Belief(eqx.Module):
         return rows if self.shrink is None else rows * self.shrink
 
 
-def _with_survey(belief: Belief, survey: Survey) -> Belief:
+def _with_survey(belief: Belief, survey: OrderedMeasurements) -> Belief:
     """A belief on a window of the survey, its mean, variance and `shrink` made those of the whole survey."""
     part, virtual = belief.whitened_query[: belief.window], belief.whitened_query[belief.window :]
     values = belief.whitened_values
@@ -115,27 +117,38 @@ def _with_survey(belief: Belief, survey: Survey) -> Belief:
     )
 
 
+@jax.custom_jvp
 def nugget_factor(
     gram: Float[Array, "n n"], noise: Float[Array, ""], signal: Float[Array, ""]
 ) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
     """Lower Cholesky factor of `gram + nugget I`, and the nugget: `noise`, or more where that is not finite.
 
     `signal` is the signal variance: the unit of the nugget's growth. A matrix that a tenth of it does not help (it
-    holds NaN, or more than the float can) has a factor of NaN.
+    holds NaN, or more than the float can) has a factor of NaN. The factor has a derivative in `gram` alone, with the
+    nugget as it is.
     """
-    identity = jnp.eye(gram.shape[0], dtype=gram.dtype)
-    fixed = lax.stop_gradient(gram)
 
-    def fails(nugget: Float[Array, ""]) -> Bool[Array, ""]:
-        finite = jnp.isfinite(jnp.linalg.cholesky(fixed + nugget * identity)).all()
-        return ~finite & (nugget < _NUGGET_LIMIT * signal)
+    def fails(tried: tuple[Array, Array]) -> Bool[Array, ""]:
+        factor, nugget = tried
+        return ~jnp.isfinite(factor).all() & (nugget < _NUGGET_LIMIT * signal)
 
-    def grow(nugget: Float[Array, ""]) -> Float[Array, ""]:
-        return jnp.maximum(nugget * _NUGGET_GROWTH, _NUGGET_START * signal)
+    def grow(tried: tuple[Array, Array]) -> tuple[Array, Array]:
+        nugget = jnp.maximum(tried[1] * _NUGGET_GROWTH, _NUGGET_START * signal)
+        return _factor(gram, nugget), nugget
 
-    # Searching for the nugget apart from the factor keeps the factor differentiable; trying one costs microseconds.
-    nugget = lax.while_loop(fails, grow, lax.stop_gradient(noise))
-    return jnp.linalg.cholesky(gram + nugget * identity), nugget
+    return lax.while_loop(fails, grow, (_factor(gram, noise), noise))
+
+
+@nugget_factor.defjvp
+def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Any, Any]:
+    """The derivative with the nugget that was found: a loop cannot be differentiated backwards."""
+    nugget = nugget_factor(*lax.stop_gradient(primals))[1]
+    factor, slope = jax.jvp(lambda gram: _factor(gram, nugget), primals[:1], tangents[:1])
+    return (factor, nugget), (slope, jnp.zeros_like(nugget))
+
+
+def _factor(gram: Float[Array, "n n"], nugget: Float[Array, ""]) -> Float[Array, "n n"]:
+    return jnp.linalg.cholesky(gram + nugget * jnp.eye(gram.shape[0], dtype=gram.dtype))
 
 
 def condition(
@@ -182,7 +195,7 @@ def condition(
 
 def condition_window(
     kernel: Kernel,
-    survey: Survey,
+    survey: OrderedMeasurements,
     slots: Int[Array, " r"],
     query: Float[Array, "q 2"],
 ) -> Belief:

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from maipp.cli.notes import tell_of
-from maipp.cli.options import FieldFlags, foresight_named
+from maipp.cli.scenario_flags import FieldFlags, foresight_named
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
     from maipp.engine.episode import Episode
     from maipp.fields.raster import Raster
     from maipp.foresight import ForesightName
-    from maipp.team.told import Told
+    from maipp.team.broadcast import Broadcast
 
 _REPORT = "report.html"
 _ONLY_SOMETIMES = ("mission.mp4", "mission.gif", _REPORT)
@@ -36,7 +36,7 @@ _STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", 
 
 
 @dataclass(frozen=True)
-class Plan(FieldFlags):
+class PlanFlags(FieldFlags):
     """Plan one survey and write its record, tables, pictures and interactive report.
 
     The files are episode.json, waypoints.csv, measurements.csv, overview.png, mission.mp4 or .gif, and, where plotly is
@@ -62,7 +62,7 @@ class Plan(FieldFlags):
     """draw the animation, which takes a few seconds"""
 
 
-def run(flags: Plan) -> int:
+def run(flags: PlanFlags) -> int:
     """Plan the survey that the flags describe, write its files, print its numbers."""
     scenario = flags.to_scenario()
     field = flags.read_field(scenario)
@@ -195,7 +195,7 @@ def _has_plotly() -> bool:
 
 def _simulate(
     scenario, name, planner, options, seed, field, advance: Callable[[], None]
-) -> "tuple[Episode, tuple[Told, ...]]":
+) -> "tuple[Episode, tuple[Broadcast, ...]]":
     """The record, and for the report what the robots told each other where that says where they are going."""
     import jax
 
@@ -203,7 +203,7 @@ def _simulate(
     from maipp.engine.episode import Episode
     from maipp.engine.keys import key_of
     from maipp.engine.rollout import run_recorded
-    from maipp.planners.announced.record import tells_plans, told_in, whole_message
+    from maipp.planners.announced.recorded_messages import broadcasts_of, tells_plans, whole_message
 
     try:
         missions = draw_missions(
@@ -219,7 +219,7 @@ def _simulate(
     told, key = (), key_of(seed)
     if tells_plans(planner):
         states, events = run_recorded(planner, missions, key, whole_message)
-        told = told_in(events)
+        told = broadcasts_of(events)
     else:
         states = jax.block_until_ready(run_missions(planner, missions, key))
     advance()
@@ -232,7 +232,7 @@ def _simulate(
 
 def _write_files(
     episode: "Episode",
-    told: "tuple[Told, ...]",
+    told: "tuple[Broadcast, ...]",
     foresight: "ForesightName | None",
     folder: Path,
     advance: Callable[[], None],
@@ -256,7 +256,7 @@ def _write_files(
 
             seen = foreseen(episode, belief_of(episode), foresight)
         today = date.today().isoformat()
-        facts = SurveyReport(episode, title=headline(episode), date=today, told=told, foreseen=seen)
+        facts = SurveyReport(episode, title=headline(episode), date=today, broadcasts=told, foreseen=seen)
         write_report(folder / _REPORT, facts)
     advance()
     if drawn is not None:

@@ -11,17 +11,17 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
-from maipp.cli.options import foresight_named
+from maipp.cli.scenario_flags import foresight_named
 from maipp.errors import InputError
 
 if TYPE_CHECKING:  # they import JAX, which `maipp result --help` can do without
-    from maipp.results.files import Result as Written
+    from maipp.results.result_files import Result as Written
     from maipp.scenario import Scenario
     from maipp.surveys.standardise import PreparedSurvey
 
 
 @dataclass(frozen=True)
-class Result:
+class ResultFlags:
     """Write what a survey took home (docs/live.md): map.tif, samples.csv, report.html and result.json.
 
     The journal may be in use: it is neither locked nor changed.
@@ -43,7 +43,7 @@ class Result:
     """mission or scenario file of a journal that an earlier version wrote, which does not hold it"""
 
 
-def run(flags: Result) -> int:
+def run(flags: ResultFlags) -> int:
     """Read the survey, write the files, print the summary."""
     from maipp.results import read_taken, write_result
     from maipp.results.field_map import CELLS, FEWEST_CELLS, MOST_CELLS
@@ -75,8 +75,8 @@ def _mission(path: Path | None) -> "PreparedSurvey | Scenario | None":
 
 def print_result(written: "Written", out: Path) -> None:
     """The summary of a result, on standard output."""
-    from maipp.results.files import REPORT
-    from maipp.results.words import kept_out_rows, robot_rows
+    from maipp.results.result_files import REPORT
+    from maipp.results.result_text import kept_out_rows, robot_rows
     from maipp.viz.report_tables import TRACE
 
     told, console = written.numbers, results_console()

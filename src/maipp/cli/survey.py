@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
-from maipp.cli.options import foresight_named
+from maipp.cli.scenario_flags import foresight_named
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -23,23 +23,23 @@ from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.engine.episode import Episode
-    from maipp.missions.route_plan import RoutePlan
-    from maipp.surveys.expected_mission import Expected
+    from maipp.route_files.route_plan import RoutePlan
+    from maipp.surveys.expected_mission import ExpectedSurvey
+    from maipp.surveys.mission_file import MissionFile as MissionFile
     from maipp.surveys.standardise import PreparedSurvey
-    from maipp.surveys.survey import Survey as MissionFile
 
 _ONLY_SOMETIMES = ("kernel.png", "report.html")  # among the files of a planned survey
 
 
 @dataclass(frozen=True)
-class Survey:
+class SurveyFlags:
     """Plan a survey of a real place from a mission file (docs/survey.md), or rehearse it.
 
     maipp survey --new mission.yaml: write a commented mission file to start from
 
     maipp survey mission.yaml --check: say what is wrong with it, or what will be planned
 
-    maipp survey mission.yaml --out DIR: plan it, mission files for the robots, report.html, overview.png
+    maipp survey mission.yaml --out DIR: plan it, route files for the robots, report.html, overview.png
 
     maipp survey mission.yaml --rehearse: simulate it on possible fields, what can the team expect?
     """
@@ -97,7 +97,7 @@ class Survey:
     sweep: tyro.conf.OmitArgPrefixes[SweepFlags] = field(default_factory=SweepFlags)
 
 
-def run(flags: Survey) -> int:
+def run(flags: SurveyFlags) -> int:
     """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
     if flags.new:
         return _new(flags.mission)
@@ -125,7 +125,7 @@ def _new(path: Path | None) -> int:
     return 0
 
 
-def _check_flags(flags: Survey) -> None:
+def _check_flags(flags: SurveyFlags) -> None:
     """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
     rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
     rehearsals |= {"adapt": flags.adapt or None, "foresight": flags.foresight}
@@ -138,7 +138,7 @@ def _check_flags(flags: Survey) -> None:
         raise InputError("--planner: a rehearsal may have several planners; give --planners")
 
 
-def _plan(flags: Survey, survey: "MissionFile") -> int:
+def _plan(flags: SurveyFlags, survey: "MissionFile") -> int:
     from maipp.surveys.routes import check_files
     from maipp.surveys.standardise import prepare
 
@@ -150,7 +150,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     if flags.check:
         console.print(f"{flags.mission}: a valid mission")
         return 0
-    from maipp.missions import fence_for
+    from maipp.route_files import fence_for
     from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
@@ -166,14 +166,14 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     return 0
 
 
-def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RoutePlan", folder: Path) -> list[str]:
+def _write_files(prepared: "PreparedSurvey", expected: "ExpectedSurvey", plan: "RoutePlan", folder: Path) -> list[str]:
     """Everything that a planned survey leaves, in the folder; the names of the files."""
     from maipp.engine.episode_io import write_episode
-    from maipp.missions import write_mission_files
+    from maipp.route_files import write_route_files
     from maipp.surveys.picture import draw_plan
     from maipp.viz.style import save_figure
 
-    paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)
+    paths = write_route_files(plan, folder, vehicle=prepared.survey.vehicle)
     write_episode(expected.episode, folder / "episode.json")
     save_figure(draw_plan(prepared, expected.episode), folder / "overview.png")
     names = [*(path.name for path in paths), "episode.json", "overview.png"]
@@ -220,14 +220,14 @@ def _describe(prepared: "PreparedSurvey", console: Console) -> None:
 
 def _team_table(prepared: "PreparedSurvey") -> Table:
     """What each robot may spend, what of it is kept back, and how far it is home."""
-    from maipp.surveys.homes import ways_home
+    from maipp.surveys.homes import distances_home
 
     frame, scenario = prepared.frame, prepared.scenario
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("robot")
     for heading in ("start", "speed m/s", "budget m", "minutes", "reserve m", "home", "way home m"):
         table.add_column(heading, justify="right")
-    rows = zip(prepared.survey.robots, scenario.starts or (), ways_home(scenario), strict=True)
+    rows = zip(prepared.survey.robots, scenario.starts or (), distances_home(scenario), strict=True)
     for robot, start, (home, way) in rows:
         minutes = robot.budget_m / robot.speed / 60.0
         told = "anywhere" if home is None else "its start" if home == start else _place(prepared, home)
@@ -270,7 +270,7 @@ def _length(metres: float) -> str:
     return f"{metres:.4g} m" if metres < 10_000 else f"{metres / 1000:.4g} km"
 
 
-def _rehearse(flags: Survey, survey: "MissionFile") -> int:
+def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
     import dataclasses
 
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -5,7 +5,7 @@ import zlib
 from typing import Annotated, Any
 
 from maipp.fleet.log import Head, Origin, read_origin
-from maipp.fleet.logs import Part
+from maipp.fleet.logs import LogSegment
 from maipp.records import Length, Value, Within, read_json
 from maipp.records.kinds import AtLeast1
 
@@ -33,7 +33,7 @@ def decode(frame: bytes) -> tuple[dict[str, Any], bytes]:
     return read_json(header, "header", strict=True).mapping(), body
 
 
-def encode_part(part: Part) -> bytes:
+def encode_part(part: LogSegment) -> bytes:
     """A part of a log; what has more than one line is compressed."""
     text = b"\n".join(part.lines)
     packed = len(part.lines) > 1
@@ -41,7 +41,7 @@ def encode_part(part: Part) -> bytes:
     return encode(header, zlib.compress(text, 6) if packed else text)
 
 
-def decode_part(frame: bytes) -> Part:
+def decode_part(frame: bytes) -> LogSegment:
     """The part of a log that a frame holds. Raises `ValueError` for what is none."""
     values, body = decode(frame)
     header = Value(values, "header")
@@ -55,7 +55,7 @@ def decode_part(frame: bytes) -> Part:
             raise ValueError(str(error)) from None
         if not stream.eof or stream.unused_data:
             raise ValueError("a part that is cut short, or too large")
-    return Part(origin, start, body.split(b"\n"), signature)
+    return LogSegment(origin, start, body.split(b"\n"), signature)
 
 
 def encode_heads(heads: dict[Origin, Head]) -> dict[str, Any]:

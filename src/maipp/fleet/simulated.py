@@ -15,8 +15,8 @@ from maipp.engine.polyline import place_at
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.fleet.clock import Clock
+from maipp.fleet.measuring_places import distances_along, length_of
 from maipp.fleet.vehicle import Fix, Place, Reached, Reading, Report
-from maipp.fleet.ways import length_of, ways_to
 from maipp.live.units import Units
 from maipp.records import read_json
 from maipp.records.kinds import Each, Finite
@@ -101,7 +101,7 @@ class Simulated:
         self._stay()
         self._leg = np.array([self._place, *way])
         now = self._since
-        for along in ways_to(self._leg, places, self._interval, self._odometer - self._measured):
+        for along in distances_along(self._leg, places, self._interval, self._odometer - self._measured):
             heapq.heappush(self._due, (now + along / self._speed, next(self._number), along))
         heapq.heappush(self._due, (now + self._length / self._speed, next(self._number), None))
         self._save()

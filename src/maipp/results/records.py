@@ -7,9 +7,9 @@ import numpy as np
 
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import read_episode
-from maipp.live.believe import moments
+from maipp.live.belief_problem import mission_of
+from maipp.live.belief_query import moments
 from maipp.live.measurements import Slots
-from maipp.live.place import mission_of
 from maipp.results.taken import Beliefs, Taken, TakenRobot, TakenSample, from_home
 from maipp.surveys.standardise import EVERYTHING
 

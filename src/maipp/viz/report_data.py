@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.typing import Float
 from maipp.viz.report_frames import Frames, standing
 from maipp.viz.report_grid import MapGrid
@@ -61,8 +61,10 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
         "prior": None
         if report.prior is None
         else {**_places(report.prior[0], digits), "value": _reals(report.prior[1])},
-        "told": [_told(report, told, digits, time.factor) for told in report.told],
-        "standing": standing(report.told, len(episode.agents), frames.times).tolist() if report.told else None,
+        "told": [_told(report, told, digits, time.factor) for told in report.broadcasts],
+        "standing": standing(report.broadcasts, len(episode.agents), frames.times).tolist()
+        if report.broadcasts
+        else None,
     }
 
 
@@ -134,7 +136,7 @@ def _robot(report: SurveyReport, index: int, digits: int, per_time: float) -> di
     }
 
 
-def _told(report: SurveyReport, told: Told, digits: int, per_time: float) -> dict[str, Any]:
+def _told(report: SurveyReport, told: Broadcast, digits: int, per_time: float) -> dict[str, Any]:
     """An intent as the ellipse that holds most of it, and the places announced with their times."""
     ellipse = None
     if np.isfinite(told.mean).all() and np.isfinite(told.covariance).all():

@@ -8,7 +8,7 @@ import numpy as np
 from maipp.engine.episode import Episode
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.typing import Float
 
 
@@ -40,7 +40,7 @@ class SurveyReport:
     prior_x: np.ndarray | None = None  # (p, 2) places of earlier samples, user's coordinates; None: the record's
     prior_y: np.ndarray | None = None  # (p,) and their values, user's unit
     truth_known: bool = True  # the record's truth is one; False for a survey of the real world
-    told: tuple[Told, ...] = ()  # in any order
+    broadcasts: tuple[Broadcast, ...] = ()  # in any order
     warnings: tuple[str, ...] = ()  # what the reader must know before trusting the numbers
     summary: tuple[str, ...] = ()  # sentences that come first
     homes: tuple[str, ...] = ()  # of each robot, whether it came home, in words; empty: not told
@@ -72,9 +72,9 @@ class SurveyReport:
             shape = np.shape(ring)
             if len(shape) != 2 or shape[1] != 2 or shape[0] < 3 or not np.isfinite(ring).all():
                 raise InputError(f"{name}: shape {shape}; give (v, 2) with v >= 3 corners, all of them finite")
-        wrong = [told.agent for told in self.told if not 0 <= told.agent < agents]
+        wrong = [told.agent for told in self.broadcasts if not 0 <= told.agent < agents]
         if wrong:
-            raise InputError(f"told: robot {wrong[0]} of {agents}; count from 0")
+            raise InputError(f"broadcasts: robot {wrong[0]} of {agents}; count from 0")
 
     @property
     def robots(self) -> tuple[str, ...]:

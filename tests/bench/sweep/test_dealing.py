@@ -21,11 +21,11 @@ from maipp.bench.cells import CELLS, cells, fill
 from maipp.bench.sweep import local
 from maipp.bench.sweep.dealing import Where, choose, run_sweep
 from maipp.bench.sweep.local import MOST_DEATHS, default_workers, pinned_cores
-from maipp.bench.tables import Row, Sample
+from maipp.bench.tables import Row, SampleSize
 from maipp.errors import InputError
 from tests.bench.sweep.held_jobs import Held, held, started
 
-SAMPLE = Sample(instances=2, trials=2, seed=3)
+SAMPLE = SampleSize(instances=2, trials=2, seed=3)
 ONE, TWO = Where(workers=1), Where(workers=2)
 
 

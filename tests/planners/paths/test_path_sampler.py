@@ -47,7 +47,7 @@ def observation(planner):
 
 @eqx.filter_jit
 def look(planner, observation, belief, intent):
-    situation = planner.sampler.situation(observation, belief, intent)
+    situation = planner.sampler.agent_state(observation, belief, intent)
     return situation, planner.sampler.look(situation, planner.initial_memory())
 
 
