@@ -61,17 +61,17 @@ def under_way(scenario: Scenario, planner: Planner, *, seed: int, count: int) ->
     y = state.measurement_y.at[:, :count].set(jax.vmap(mission.field)(x[:, :count]))
     travelled = jnp.full(m, count * interval, real)
     instants = jnp.asarray(interval * np.arange(1, count + 1), real)
-    known = jnp.broadcast_to(jnp.arange(state.known.shape[-1]) < count, state.known.shape)
+    known_until = jnp.full_like(state.known_until, (count + 0.5) * interval)
     return mission, eqx.tree_at(
         lambda s: (
             *(s.time, s.leg, s.departure, s.arrival, s.odometer, s.taken),
-            *(s.measurement_x, s.measurement_y, s.measurement_time, s.known),
+            *(s.measurement_x, s.measurement_y, s.measurement_time, s.known_until),
         ),
         state,
         (
             *(travelled[0], jnp.broadcast_to(jnp.asarray(here, real)[:, None], state.leg.shape)),
             *(travelled, travelled, travelled, jnp.full(m, count, jnp.int32)),
-            *(x, y, state.measurement_time.at[:, :count].set(instants), known),
+            *(x, y, state.measurement_time.at[:, :count].set(instants), known_until),
         ),
     )
 

@@ -120,6 +120,7 @@ class Episode:
             # Planners repeat a waypoint to go less far; the record keeps each place once.
             moved = moves_on(route)
             taken = np.isfinite(host.measurement_time[index, agent])
+            known = host.measurement_time[index] <= host.known_until[index, agent][:, None]
             agents.append(
                 AgentRecord(
                     start=start[agent],
@@ -133,7 +134,7 @@ class Episode:
                     measurement_y=host.measurement_y[index, agent, taken],
                     measurement_time=host.measurement_time[index, agent, taken],
                     # Slots fill in order of time and are passed on whole, so what is known is always a beginning.
-                    known=host.known[index, agent].sum(axis=-1),
+                    known=known.sum(axis=-1),
                     stopped_by=REASONS[host.stopped_by[index, agent]],
                 )
             )

@@ -11,7 +11,7 @@ from maipp.belief.prior_samples import Measurements
 from maipp.engine.decision import AgentView, Knowledge, Observation
 from maipp.engine.mission import Mission
 from maipp.engine.rows import pick, put
-from maipp.engine.state import State, positions
+from maipp.engine.state import State, known_by, positions
 from maipp.renamed import renamed
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Point, Real
@@ -36,11 +36,6 @@ def due_agent(mission: Mission, state: State) -> Index:
     return jnp.argmax(arrival <= jnp.min(arrival) + time_tolerance(mission.params.speeds)).astype(jnp.int32)
 
 
-def _taken_by_now(mission: Mission, state: State) -> Bool[Array, "m s"]:
-    """Measurements that have been taken at `state.time`: none is known before the moment it is taken."""
-    return state.measurement_time <= state.time + time_tolerance(mission.params.speeds)
-
-
 def hear(mission: Mission, state: State, agent: Index) -> tuple[State, Bool[Array, " m"]]:
     """The state after `agent` took over what everyone within range knows now, and whom it heard.
 
@@ -54,12 +49,16 @@ def hear(mission: Mission, state: State, agent: Index) -> tuple[State, Bool[Arra
         where = positions(state, params.speeds)
         offset = where - pick(where, agent)
         within &= jnp.sum(offset * offset, axis=-1) <= params.comm_range**2
-    own = jnp.eye(shape.agents, dtype=bool)[:, :, None] & _taken_by_now(mission, state)[None]
-    knows = state.known | own  # (m, m, s)
-    hearing = within | (everyone == agent)
-    learned = jnp.any(knows & hearing[:, None, None], axis=0)
-    known = put(state.known, agent, learned, jnp.asarray(True))
-    return dataclasses.replace(state, known=known), within & (everyone != agent)
+    # Whoever is heard tells all that it has measured by now: none is known before the moment it is taken.
+    now = state.time + time_tolerance(params.speeds)
+    if shape.limited:
+        hearing = within | (everyone == agent)
+        taken_over = jnp.max(jnp.where(hearing[:, None], state.known_until, -jnp.inf), axis=0)
+        learned = jnp.where(hearing, now, taken_over)
+    else:
+        learned = now[None]
+    known_until = put(state.known_until, agent, learned, jnp.asarray(True))
+    return dataclasses.replace(state, known_until=known_until), within & (everyone != agent)
 
 
 def knowledge(mission: Mission, state: State, agent: Index, heard: Bool[Array, " m"]) -> Knowledge:
@@ -80,7 +79,7 @@ def knowledge(mission: Mission, state: State, agent: Index, heard: Bool[Array, "
         measurement_y=state.measurement_y.reshape(-1),
         measurement_time=state.measurement_time.reshape(-1),
         measured_by=slots // mission.shape.slots,
-        known=pick(state.known, agent).reshape(-1),
+        known=known_by(state, agent).reshape(-1),
         heard=heard,
         messages=state.messages,
         positions=where,

@@ -10,7 +10,7 @@ from jax import lax
 from maipp.belief import KERNELS, Belief, Interest, Kernel, condition, rmse, trace
 from maipp.engine.finite import mission_number, refuse_non_finite
 from maipp.engine.mission import Mission
-from maipp.engine.state import NOT_FINITE, RECORD_FULL, State
+from maipp.engine.state import NOT_FINITE, RECORD_FULL, State, known_by
 from maipp.kept import kept
 from maipp.problem import ScenarioLike
 from maipp.renamed import renamed
@@ -109,7 +109,8 @@ def _score(mission: Mission, state: State) -> Metrics:
     moments, there = moments_of(mission, state), mission.params.present
     final = score_belief(mission, moments, taken_by(state))
 
-    own = lax.map(lambda known: score_belief(mission, moments, known).trace, state.known)
+    agents = jnp.arange(mission.shape.agents)
+    own = lax.map(lambda agent: score_belief(mission, moments, known_by(state, agent)).trace, agents)
     left = mission.params.budgets - state.odometer
     return Metrics(
         trace=final.trace,

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 from maipp.engine.decision import Planner
 from maipp.engine.mission import Mission
 from maipp.engine.polyline import along
+from maipp.engine.rows import pick
 from maipp.problem import ScenarioLike
 from maipp.roadmap.home import WAYPOINTS
-from maipp.typing import Array, Bool, Float, Int
+from maipp.typing import Array, Bool, Float, Index, Int
 
 # What an agent does, or why it stopped. Two are the engine's doing with budget left, NOT_FINITE and RECORD_FULL: a
 # fault of the planner, or of its steps.
@@ -41,13 +42,20 @@ class State(eqx.Module):
     measurement_x: Float[Array, "m s 2"]  # where each measurement is taken
     measurement_y: Float[Array, "m s"]  # its value, normalised units
     measurement_time: Float[Array, "m s"]  # when it is taken; inf for an empty slot
-    known: Bool[Array, "m m s"]  # [i, j, s]: agent i has taken over slot s of agent j at its last decision
+    # [i, j]: of agent j, agent i knows since its last decision what j had measured by then; -inf: nothing yet. One
+    # column, the same for every j, where the range is unlimited: k = m, or 1.
+    known_until: Float[Array, "m k"]
     messages: Any  # last message of each agent, leading axis m
     memory: Any  # the planner's memory of each agent, leading axis m
     route: Float[Array, "m e 2"]  # vertices visited, starting with the start
     route_time: Float[Array, "m e"]  # when; inf beyond route_length
     route_length: Int[Array, " m"]  # vertices recorded
     full: Bool[Array, " m"]  # the record has no room for what the agent decided: it waits for more
+
+    @property
+    def known(self) -> Any:
+        """(m, m, s), [i, j, s]: agent i has taken over slot s of agent j at its last decision."""
+        return self.measurement_time[..., None, :, :] <= self.known_until[..., None]
 
     @property
     def active(self) -> Any:
@@ -102,7 +110,7 @@ def reset(planner: Planner, mission: Mission, capacity: int | None = None) -> St
         measurement_x=jnp.zeros((m, s, 2), real),
         measurement_y=jnp.zeros((m, s), real),
         measurement_time=jnp.full((m, s), jnp.inf, real),
-        known=jnp.zeros((m, m, s), bool),
+        known_until=jnp.full((m, m if mission.shape.limited else 1), -jnp.inf, real),
         messages=per_agent(planner.empty_message()),
         memory=per_agent(planner.initial_memory()),
         route=jnp.zeros((m, capacity, 2), real).at[:, 0].set(mission.start),
@@ -118,6 +126,11 @@ def with_capacity(state: State, capacity: int) -> State:
     route = jnp.pad(state.route, [*room, (0, 0)])
     times = jnp.pad(state.route_time, room, constant_values=jnp.inf)
     return eqx.tree_at(lambda s: (s.route, s.route_time, s.full), state, (route, times, jnp.zeros_like(state.full)))
+
+
+def known_by(state: State, agent: Index) -> Bool[Array, "m s"]:
+    """The measurements that one agent has taken over at its last decision, of an unbatched mission."""
+    return state.measurement_time <= pick(state.known_until, agent)[:, None]
 
 
 def positions(state: State, speeds: Float[Array, " m"]) -> Float[Array, "m 2"]:

@@ -33,12 +33,13 @@ def observation(planner):
     rng = np.random.default_rng(0)
     slots = min(5, SCENARIO.measurements_per_agent)
     state = eqx.tree_at(
-        lambda s: (s.measurement_x, s.measurement_y, s.known, s.odometer),
+        lambda s: (s.measurement_x, s.measurement_y, s.measurement_time, s.known_until, s.odometer),
         state,
         (
             state.measurement_x.at[0, :slots].set(jnp.asarray(rng.random((slots, 2)), jnp.float32)),
             state.measurement_y.at[0, :slots].set(jnp.asarray(rng.random(slots), jnp.float32)),
-            state.known.at[0, 0, :slots].set(True),
+            state.measurement_time.at[0, :slots].set(0.0),
+            jnp.zeros_like(state.known_until),
             state.odometer + 0.3,
         ),
     )
