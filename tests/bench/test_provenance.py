@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import pytest
 
+from maipp.bench import provenance
 from maipp.bench.cells import Cell
 from maipp.bench.provenance import (
     code_digest,
