@@ -24,7 +24,7 @@ from maipp.bench.tables import TABLES, read_table
 from maipp.cli import benchmark
 from maipp.cli.benchmark import BenchmarkFlags
 from maipp.cli.benchmark_table import TableFile, TableFlags
-from maipp.cli.evaluate import EvaluateFlags, _rows
+from maipp.cli.evaluate import EvaluateFlags, rows_of
 from maipp.cli.main import COMMANDS, command_of, flags_of
 from maipp.cli.plan import PlanFlags
 from maipp.cli.train import TrainFlags
@@ -163,7 +163,7 @@ def understood(arguments: list[str]) -> None:
     elif isinstance(flags, EvaluateFlags):
         options = [item for group in flags.settings for item in group]
         if not any(item.startswith("weights=runs/") for item in options):
-            assert flags.merge or _rows(flags)
+            assert flags.merge or rows_of(flags)
     elif isinstance(flags, BenchmarkFlags) and isinstance(flags.name, TableFile):
         assert flags.name.file.suffix == ".yaml"
     elif isinstance(flags, BenchmarkFlags) and isinstance(flags.name, TableFlags):

@@ -9,7 +9,7 @@ import pytest
 import tyro
 
 import maipp
-from maipp.cli.evaluate import EvaluateFlags, _rows
+from maipp.cli.evaluate import EvaluateFlags, rows_of
 from maipp.cli.main import command_of, flags_of
 from maipp.cli.plan import PlanFlags
 from maipp.cli.scenario_flags import ScenarioFlags
@@ -55,7 +55,7 @@ def test_the_commands_are_understood(arguments):
     name, rest = command_of(arguments)
     flags = tyro.cli(flags_of(name), args=rest)
     if isinstance(flags, EvaluateFlags):
-        assert len(_rows(flags)) >= 2
+        assert len(rows_of(flags)) >= 2
     elif isinstance(flags, PlanFlags):
         make_planner(flags.planner, flags.to_scenario(), flags.planner_options())
     else:

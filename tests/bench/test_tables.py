@@ -119,13 +119,13 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
 @pytest.mark.parametrize(
     ("planner", "options"),
     [
-        ("random", {}),
+        slow("random", {}),
         ("shared-greedy", {}),
-        ("lawnmower", {}),
-        ("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
+        slow("lawnmower", {}),
+        slow("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}),
         slow("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
-        ("intent-paths", {"weights": "untrained", "paths": 2, "steps": 2}),
+        slow("intent-paths", {"weights": "untrained", "paths": 2, "steps": 2}),
     ],
 )
 def test_planners_compiled_in_a_shared_shape_do_the_same(planner, options):

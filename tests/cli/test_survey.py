@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from maipp.cli.main import main
-from maipp.cli.survey import SurveyFlags, _sizes, run
+from maipp.cli.survey import SurveyFlags, run, team_sizes
 from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
 from maipp.surveys.survey_io import load_survey
@@ -110,9 +110,14 @@ def test_what_is_wrong_is_one_line(arguments, problem, mission, capsys):
 
 
 def test_sizes_of_teams_are_spelt_three_ways():
-    assert _sizes("1..3") == (1, 2, 3) and _sizes("2") == (2,) and _sizes("1,4") == (1, 4) and _sizes(None) == ()
+    assert (
+        team_sizes("1..3") == (1, 2, 3)
+        and team_sizes("2") == (2,)
+        and team_sizes("1,4") == (1, 4)
+        and team_sizes(None) == ()
+    )
     with pytest.raises(InputError):
-        _sizes("many")
+        team_sizes("many")
 
 
 def test_a_failed_survey_leaves_nothing(mission, monkeypatch):

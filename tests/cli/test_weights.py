@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import pytest
 
-from maipp.cli.evaluate import EvaluateFlags, _rows
+from maipp.cli.evaluate import EvaluateFlags, rows_of
 from maipp.cli.main import main
 from maipp.cli.plan import PlanFlags, run
 from maipp.engine.episode_io import read_episode
@@ -56,7 +56,7 @@ def test_weights_go_to_the_planners_that_have_them(weights, tmp_path, capsys):
 
 def test_every_planner_with_a_policy_gets_them(weights):
     planners = ("greedy", "sga-catnipp", "di", "ti", "intent-paths")
-    rows = _rows(EvaluateFlags(planner=planners, weights=str(weights), settings=(("steps=2",),)))
+    rows = rows_of(EvaluateFlags(planner=planners, weights=str(weights), settings=(("steps=2",),)))
     assert [options for *_, options in rows] == [
         {},
         {"weights": str(weights)},
@@ -65,7 +65,7 @@ def test_every_planner_with_a_policy_gets_them(weights):
 
 
 def test_untrained_is_a_name_too():
-    ((_, _, options),) = _rows(EvaluateFlags(planner=("ti",), weights="untrained"))
+    ((_, _, options),) = rows_of(EvaluateFlags(planner=("ti",), weights="untrained"))
     assert options == {"weights": "untrained"}
 
 

@@ -88,6 +88,8 @@ def fly(
                 rng.choice([Proxy.swallow, Proxy.reset, Proxy.heal])(rng.choice(proxies))
             if killed < kills:
                 name = names[killed % robots]
+                if len([*(folder / name).glob(f"{name}.*.log")]) <= killed // robots:
+                    continue  # it has nothing to lose yet
                 killed += 1
                 done[name].clear()
                 processes[name].kill()

@@ -120,11 +120,17 @@ def follow(scenario, planner, slots, *, prior=None, folder=None, exact):
     return crew
 
 
-def test_in_the_same_shape_decisions_are_the_same_to_the_bit(tiny_planner, tmp_path):
+def some(*names):
+    """These planners' names, and those of all others as slow ones."""
+    return pytest.mark.parametrize("name", [name if name in names else slow(name) for name in TINY_PLANNERS])
+
+
+@some("shared-greedy", "lawnmower", "receding-horizon", "ti")
+def test_in_the_same_shape_decisions_are_the_same_to_the_bit(name, tmp_path):
     """Prior samples, no-go zones, homes, and a restart half-way."""
     scenario = SCENARIO.replace(obstacles=WALL, end="start", reserve=0.05)
     slots = -(-5 * scenario.measurements_per_agent // 4)  # what a live survey has room for
-    follow(scenario, tiny_planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
+    follow(scenario, (name, TINY_PLANNERS[name]), slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
 def test_foreseeing_decides_the_same(tmp_path):
@@ -135,9 +141,7 @@ def test_foreseeing_decides_the_same(tmp_path):
     follow(scenario, planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in ("shared-greedy", "di", "receding-horizon") else slow(name) for name in TINY_PLANNERS]
-)
+@some("shared-greedy", "di")
 def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(name, monkeypatch):
     """Each robot has a survey of its own, which is told what it hears, and begins with room for one measurement.
 

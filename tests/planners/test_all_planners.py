@@ -105,6 +105,10 @@ SLOW = (
 )
 
 
+def test_no_planner_is_left_to_slow_tests():
+    assert {name for name, setting in PAIRS if (name, setting) not in SLOW} >= {*planner_names()}
+
+
 def of_all(pairs):
     """These pairs as parameters."""
     return pytest.mark.parametrize(("name", "setting"), [slow(*pair) if pair in SLOW else pair for pair in pairs])

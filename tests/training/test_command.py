@@ -11,7 +11,7 @@ from rich.console import Console
 
 from maipp.cli import train as command
 from maipp.cli.main import main
-from maipp.cli.train import TrainFlags, _shown
+from maipp.cli.train import TrainFlags, shown_on
 from maipp.errors import InputError
 from maipp.training import train as loop
 from maipp.training.config import NAMED, TrainConfig
@@ -87,7 +87,7 @@ def test_the_configuration_that_the_flags_name(tmp_path):
 
 def test_progress_is_a_line_now_and_then(tmp_path):
     with open(tmp_path / "notes", "w") as file:
-        with _shown(Console(file=file, soft_wrap=True), TrainConfig(updates=9, imitation=0, search=0)) as show:
+        with shown_on(Console(file=file, soft_wrap=True), TrainConfig(updates=9, imitation=0, search=0)) as show:
             for update in (1, 2, 3):
                 show(Step(update, 9, 8 * update, 1.0, {"loss": 0.25, "final_trace": float("nan")}))
             show(Step(3, 9, 24, 1.0, {}, HeldOut(12.34, 0.5, 1.0)))

@@ -15,7 +15,7 @@ from maipp.policy import PolicyNetwork
 from maipp.roadmap import Roadmap
 from maipp.training import learner as module
 from maipp.training.config import TrainConfig
-from maipp.training.learner import Learner, Shard, TrainState, _normalised
+from maipp.training.learner import Learner, Shard, TrainState, normalise
 from maipp.training.losses import ask
 from maipp.training.rollout import Phase, Transition
 from maipp.training.worlds import Bank
@@ -23,7 +23,7 @@ from maipp.training.worlds import Bank
 PAGE = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
 
 # Two devices with two shards each, four decisions of three missions.
-normalised = jax.jit(jax.vmap(jax.vmap(_normalised, axis_name="shards"), axis_name="devices"))
+normalised = jax.jit(jax.vmap(jax.vmap(normalise, axis_name="shards"), axis_name="devices"))
 SHAPE = (2, 2, 4, 3)
 
 

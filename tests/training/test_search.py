@@ -13,7 +13,7 @@ from maipp.engine.observe import begin_event
 from maipp.errors import InputError
 from maipp.policy import load_policy
 from maipp.training.config import NAMED, TrainConfig
-from maipp.training.learner import Learner, _schedule
+from maipp.training.learner import Learner, rate_schedule
 from maipp.training.losses import PolicyExample, sample_loss
 from maipp.training.rollout import roll_out
 from maipp.training.search import find_elites, surprise
@@ -153,12 +153,12 @@ def test_a_run_imitates_then_reinforces_then_searches():
     learner = Learner(config.replace(bank=1), jax.devices()[:1])
     phases = [learner._phase(updates) for updates in range(9)]
     assert phases == ["imitate"] * 2 + ["reinforce"] * 4 + ["search"] * 3
-    schedule, per_update = _schedule(config), config.epochs * config.minibatches
+    schedule, per_update = rate_schedule(config), config.epochs * config.minibatches
     rates = [float(jnp.asarray(schedule(step))) for step in (0, 6 * per_update - 1, 6 * per_update, 9 * per_update)]
     assert rates[0] == pytest.approx(1e-3) and rates[1] < 1e-4
     assert rates[2] == pytest.approx(5e-4) and rates[3] == pytest.approx(1e-5)
     paper = NAMED["paper"]  # once per training step, of which each has eight of Adam's
-    schedule, per_update = _schedule(paper), paper.epochs * paper.minibatches
+    schedule, per_update = rate_schedule(paper), paper.epochs * paper.minibatches
     assert per_update == 8 and paper.transitions_per_update == 512
     for update in (0, 31, 32, 600, 3999):
         rate = float(jnp.asarray(schedule(update * per_update)))

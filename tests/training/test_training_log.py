@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from maipp.training.curves import _pooled, draw_learning_curve
+from maipp.training.curves import draw_learning_curve, pooled
 from maipp.training.training_log import TrainingLog, read_log
 
 
@@ -55,10 +55,10 @@ def test_numbers_that_json_lacks_become_null(tmp_path):
 
 def test_the_curve_pools_updates_by_the_missions_that_ended(tmp_path):
     rows = [update(1, 30.0, 1), update(2, 10.0, 3), update(3, None, 0), update(4, 5.0, 4)]
-    x, trace = _pooled(rows, "transitions")
+    x, trace = pooled(rows, "transitions")
     assert (x == [8, 16, 32]).all() and (trace == [30, 10, 5]).all()
     many = [update(n, float(n % 2), 1 + 2 * (n % 2)) for n in range(1, 241)]  # 60 groups of four
-    x, trace = _pooled(many, "wall_s")
+    x, trace = pooled(many, "wall_s")
     np.testing.assert_allclose(trace, np.full(60, 0.75))
     assert x[-1] == 720.0 and x[0] == 12.0
 

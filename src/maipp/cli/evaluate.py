@@ -138,7 +138,7 @@ def _evaluated(flags: EvaluateFlags, to_file: bool) -> _EvaluationRun:
     first, instances = _instances(flags.instances, flags.shard)
     where = flags.sweep.where()
     raster = flags.read_field(flags.to_scenario(flags.budget[0] if flags.budget else None))
-    rows = _rows(flags, raster)
+    rows = rows_of(flags, raster)
     shape = shape_of([scenario for _, scenario, _ in rows])
     jobs = [
         EvaluationJob(
@@ -256,7 +256,7 @@ def _instances(text: str, shard: str | None) -> tuple[int, int]:
     return begin, stop - begin
 
 
-def _rows(flags: EvaluateFlags, field: Raster | None = None) -> list[_Row]:
+def rows_of(flags: EvaluateFlags, field: Raster | None = None) -> list[_Row]:
     """Planner, scenario and options of every row. Raises `InputError` for what is wrong with any of them."""
     planners = dict.fromkeys([*flags.planners, *flags.planner])
     if not planners:

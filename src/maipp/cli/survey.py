@@ -302,7 +302,7 @@ def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
             result = rehearse(
                 survey,
                 planners=flags.planners,
-                robots=_sizes(flags.robots),
+                robots=team_sizes(flags.robots),
                 rehearsal=rehearsal,
                 seed=flags.seed,
                 progress=lambda what, done, total: bar.update(task, description=what, completed=done, total=total),
@@ -323,7 +323,7 @@ def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
     return 0
 
 
-def _sizes(text: str | None) -> tuple[int, ...]:
+def team_sizes(text: str | None) -> tuple[int, ...]:
     """The sizes of teams that `1..4`, `2` or `1,3` spells; empty where nothing is given."""
     if text is None:
         return ()

@@ -46,7 +46,7 @@ def run(flags: TrainFlags) -> int:
     hosts = all_or_none(lambda: hosts_of(config.shards), processes)
     notes = Console(stderr=True, highlight=False, soft_wrap=True)
     about = {"machine": machine() | {"processes": hosts.processes}, "versions": versions()}
-    with _shown(notes, config) as progress:
+    with shown_on(notes, config) as progress:
         result = train(config, flags.out, resume=flags.resume, progress=progress, hosts=hosts, about=about)
     if hosts.process == 0:
         _report(result, flags.out, notes)
@@ -54,7 +54,7 @@ def run(flags: TrainFlags) -> int:
 
 
 @contextmanager
-def _shown(notes: Console, config: TrainConfig) -> Iterator[Callable[[Step], None]]:
+def shown_on(notes: Console, config: TrainConfig) -> Iterator[Callable[[Step], None]]:
     """What to call after each step: a bar on a terminal, else a line now and then; a line per evaluation."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("updates"))
     last = time.monotonic() - _LINE_SECONDS

@@ -46,7 +46,7 @@ def draw_learning_curve(out: Path, title: str) -> None:
 
 def _draw(axes: Axes, updates: list[dict[str, Any]], evaluations: list[dict[str, Any]], key: str, scale: float) -> None:
     """The sampled missions as a line, the held-out worlds as points with their standard errors."""
-    x, trace = _pooled(updates, key)
+    x, trace = pooled(updates, key)
     if len(x):
         axes.plot(x * scale, trace, color=GREY, linewidth=1.2, label="while training, steps sampled")
     if evaluations:
@@ -59,7 +59,7 @@ def _draw(axes: Axes, updates: list[dict[str, Any]], evaluations: list[dict[str,
         )
 
 
-def _pooled(updates: list[dict[str, Any]], key: str) -> tuple[np.ndarray, np.ndarray]:
+def pooled(updates: list[dict[str, Any]], key: str) -> tuple[np.ndarray, np.ndarray]:
     """Where groups of updates end, and the mean final Tr(P) of the missions that ended in each."""
     ended = [row for row in updates if row.get("final_trace") is not None and row.get("missions_ended")]
     x, trace = [], []

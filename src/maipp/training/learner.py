@@ -155,7 +155,7 @@ class Learner:
             config, self.scenario, self.planner(network, phase), bank, shard.environments, roll_key, phase, follow
         )
         worth = returns(config, transitions, self.scenario.agents)
-        advantage = _normalised(worth.advantage, worth.valid)
+        advantage = normalise(worth.advantage, worth.valid)
         samples = PolicyExample(transitions, advantage, worth.target, worth.valid)
         flat = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), samples)
 
@@ -171,7 +171,7 @@ class Learner:
         final = lax.psum(jnp.sum(jnp.where(transitions.ended, transitions.trace, 0.0)), _AXES)
         metrics["final_trace"] = jnp.where(ended > 0, final / jnp.maximum(ended, 1), jnp.nan)
         metrics["missions_ended"] = ended
-        metrics["learning_rate"] = jnp.asarray(_schedule(config)(updates * config.epochs * config.minibatches))
+        metrics["learning_rate"] = jnp.asarray(rate_schedule(config)(updates * config.epochs * config.minibatches))
         return network, optimiser, Shard(environments, key), metrics
 
     def _gradient_step(
@@ -207,7 +207,7 @@ class Learner:
         return (moved, optimiser), parts
 
 
-def _normalised(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t e"]:
+def normalise(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t e"]:
     """Advantages with zero mean and unit variance over all valid decisions of all shards."""
     count = jnp.maximum(lax.psum(jnp.sum(valid), _AXES), 1)
     mean = lax.psum(jnp.sum(jnp.where(valid, advantage, 0.0)), _AXES) / count
@@ -215,7 +215,7 @@ def _normalised(advantage: Float[Array, "t e"], valid: Array) -> Float[Array, "t
     return jnp.where(valid, (advantage - mean) * lax.rsqrt(variance + 1e-8), 0.0)
 
 
-def _schedule(config: TrainConfig) -> optax.Schedule:
+def rate_schedule(config: TrainConfig) -> optax.Schedule:
     """Learning rate by gradient steps taken; the search has a schedule of its own."""
     before = (config.updates - config.search) * config.epochs * config.minibatches
     after = config.gradient_steps - before
@@ -236,4 +236,4 @@ def _part(config: TrainConfig, rate: float, steps: int) -> optax.Schedule:
 
 
 def _optimiser(config: TrainConfig) -> optax.GradientTransformation:
-    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), optax.adam(_schedule(config)))
+    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), optax.adam(rate_schedule(config)))

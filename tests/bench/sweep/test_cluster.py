@@ -19,7 +19,7 @@ import pytest
 
 from maipp.bench.cells import CELLS
 from maipp.bench.sweep.address import read_address, security
-from maipp.bench.sweep.cluster import _difference
+from maipp.bench.sweep.cluster import difference
 from maipp.bench.sweep.dealing import Where, run_sweep
 from maipp.cli.main import main
 from maipp.errors import InputError
@@ -61,8 +61,8 @@ def test_a_cluster_without_its_extra_says_what_to_install(monkeypatch, capsys, t
 
 
 def test_another_version_is_told_by_its_name():
-    assert _difference({"jax": "1", "maipp": "2"}, {"jax": "1", "maipp": "2", "more": "3"}) is None
-    assert _difference({"jax": "1", "maipp": "2"}, {"jax": "1"}) == (
+    assert difference({"jax": "1", "maipp": "2"}, {"jax": "1", "maipp": "2", "more": "3"}) is None
+    assert difference({"jax": "1", "maipp": "2"}, {"jax": "1"}) == (
         "its maipp is None, here it is 2; give both the same"
     )
 

@@ -165,7 +165,7 @@ class Cluster:
             there = future.result(timeout=_CONNECT)
         except Exception as error:
             there = {"maipp": f"one that cannot say ({type(error).__name__}: {first_line(error)})"}
-        reason = _difference(self._here, there)
+        reason = difference(self._here, there)
         if reason is None:
             self._useful.add(seat)
         else:
@@ -204,14 +204,14 @@ def _connected(address: str, protection: Any) -> Any:
                 f"--cluster: no scheduler answers at {address} ({first_line(error)}); start one with: maipp scheduler"
             ) from None
     here = {name: importlib.metadata.version(name) for name in ("distributed", "msgpack", "cloudpickle")}
-    reason = _difference(here, {name: packages.get(name) for name in here})
+    reason = difference(here, {name: packages.get(name) for name in here})
     if reason is not None:
         client.close(timeout=5)
         raise InputError(f"--cluster: the scheduler at {address} is refused: {reason}")
     return client
 
 
-def _difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> str | None:
+def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> str | None:
     """What differs first, in words; None where nothing does."""
     for name in here:
         if here[name] != there.get(name):
