@@ -91,13 +91,18 @@ class PathSampler(eqx.Module):
         """8: on 128 missions at B = 3 `sga-catnipp` took 1.5 times as long with 32, `di` 1.2 times."""
         return 8
 
-    def situation(self, observation: Observation, belief: Belief, intent: Vector) -> Situation:
-        """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
+    def situation(self, observation: Observation, nodes: Belief | None, intent: Vector) -> Situation:
+        """Where the due agent is on its roadmap.
+
+        `nodes` is a belief at its nodes (`Observation.at_nodes`, or one that counts what others announced), `intent`
+        the others' map. Raises ValueError where the mission was drawn without roadmaps.
+        """
         roadmap = roadmap_of(observation)
+        assert nodes is not None  # there is a roadmap
         meeting = appointment(self.scenario, observation, meet=self.meet)
         return Situation(
             roadmap=roadmap,
-            nodes=belief.on(jnp.asarray(roadmap.nodes)),
+            nodes=nodes,
             here=edges_here(self.scenario, observation, meeting),
             position=observation.position,
             remaining=observation.remaining,
