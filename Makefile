@@ -16,7 +16,7 @@ $(shell test -x $(BIN)/python || rm -rf $(VENV))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo fleet test lint docs bench release-check clean
+.PHONY: help demo fleet test test-all lint docs bench release-check clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1	\2/p' Makefile
@@ -32,11 +32,17 @@ fleet: $(VENV)/.installed-dev ## three boats as processes of their own, simulate
 	$(BIN)/maipp fleet docs/examples/strait/mission.yaml --simulate --speedup 900 \
 		--with raster=docs/examples/strait/relief.npz --out out/fleet
 
-test: $(VENV)/.installed-dev ## run the tests (one of them: make test TESTS=tests/test_floors.py)
-	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),--numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder)
+PARALLEL = --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright, and whether docs/cli.md is up to date
+test: $(VENV)/.installed-dev ## run the tests but for the slow ones (a file of them in full: make test TESTS=tests/test_floors.py)
+	$(BIN)/python -m pytest -q $(if $(TESTS),$(TESTS),$(PARALLEL) -m "not slow")
+
+test-all: $(VENV)/.installed-dev ## run all tests: also kills, clusters, browsers, notebooks, training runs
+	$(BIN)/python -m pytest -q $(PARALLEL)
+
+lint: $(VENV)/.installed-dev ## ruff check, ruff format --check, pyright, and whether docs/cli.md and docs/schemas are up to date
 	@$(BIN)/python -m tests.tools.cli_reference --check
+	@$(BIN)/python -m tests.tools.schemas --check
 	$(BIN)/ruff check src tests
 	$(BIN)/ruff format --check src tests
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright

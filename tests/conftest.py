@@ -18,7 +18,7 @@ for name, value in {
     # Half the time of a compilation, which is what tests cost; what it makes is slower and rounds otherwise.
     "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false",
     "JAX_COMPILATION_CACHE_DIR": str(CACHE),
-    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.5",  # below that, reading back costs what compiling does
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",  # below that, reading back costs what compiling does
     "MPLBACKEND": "Agg",
     "MAIPP_CACHE": "",  # tests change code in memory, which no name of a kept program tells
 }.items():
@@ -33,6 +33,12 @@ from jaxtyping import install_import_hook  # noqa: E402
 install_import_hook("maipp", "beartype.beartype")
 
 TINY = {"agents": 2, "grid": 8, "nodes": 12, "neighbours": 4, "measurement_interval": 1.0}
+
+
+def slow(*values: object):
+    """Values of a test that `make test` leaves out and `make test-all` runs."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
 
 # Every planner, with options that compile quickly; `ti-star` is `intent-paths` with other options.
 _SEARCH = {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}
@@ -89,9 +95,9 @@ def tiny_planner(request):
 @pytest.fixture(scope="session")
 def tiny_table():
     """Table IV of the benchmark with two ranges, two budgets, missions and rows that compile quickly."""
-    from maipp.bench.tables import TABLES, Part
+    from maipp.bench.tables import TABLES, TablePart
 
     table = TABLES["table4"]
-    parts = tuple(Part(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
+    parts = tuple(TablePart(part.scenario.replace(**TINY), part.printed) for part in table.parts[1:])
     rows = tuple(row for row in table.rows if row.name in ("random", "greedy", "lawnmower"))
     return replace(table, rows=rows, parts=parts, columns=(2.0, 3.0), reference="greedy")

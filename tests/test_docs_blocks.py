@@ -22,12 +22,12 @@ import tyro
 import maipp
 from maipp.bench.tables import TABLES, read_table
 from maipp.cli import benchmark
-from maipp.cli.benchmark import Benchmark
+from maipp.cli.benchmark import BenchmarkFlags
 from maipp.cli.benchmark_table import TableFile, TableFlags
-from maipp.cli.evaluate import Evaluate, _rows
+from maipp.cli.evaluate import EvaluateFlags, _rows
 from maipp.cli.main import COMMANDS, command_of, flags_of
-from maipp.cli.plan import Plan
-from maipp.cli.train import Train
+from maipp.cli.plan import PlanFlags
+from maipp.cli.train import TrainFlags
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import write_episode
 from maipp.planners import make_planner, registry
@@ -153,20 +153,20 @@ def understood(arguments: list[str]) -> None:
     assert command in COMMANDS, f"no command {command}"
     rest = benchmark.arguments(rest) if command == "benchmark" else rest
     flags = tyro.cli(flags_of(command), args=rest)
-    if isinstance(flags, Plan):
+    if isinstance(flags, PlanFlags):
         make_planner(flags.planner, flags.to_scenario(), flags.planner_options())
-    elif isinstance(flags, Train):
+    elif isinstance(flags, TrainFlags):
         given = flags.config or "default"
         config = TrainConfig() if given.endswith(".yaml") else find_config(given)
         # Weights that an earlier command of the page makes are not there yet.
         override(config, (item for group in flags.settings for item in group if not item.startswith("start=runs/")))
-    elif isinstance(flags, Evaluate):
+    elif isinstance(flags, EvaluateFlags):
         options = [item for group in flags.settings for item in group]
         if not any(item.startswith("weights=runs/") for item in options):
             assert flags.merge or _rows(flags)
-    elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFile):
+    elif isinstance(flags, BenchmarkFlags) and isinstance(flags.name, TableFile):
         assert flags.name.file.suffix == ".yaml"
-    elif isinstance(flags, Benchmark) and isinstance(flags.name, TableFlags):
+    elif isinstance(flags, BenchmarkFlags) and isinstance(flags.name, TableFlags):
         assert TABLES[flags.name.table].chosen(flags.name.planners)
 
 

@@ -179,6 +179,7 @@ def test_a_folder_that_another_process_writes_to_is_refused(tmp_path):
     assert visible(tmp_path) == {"a": "1"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")
 def test_killed_at_any_moment_every_file_is_whole_and_the_next_call_cleans_up(tmp_path):
     mixed, n = 0, 0

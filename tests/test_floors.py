@@ -16,11 +16,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 FLOORS = (
-    ("typing", "errors", "extensions", "cgroup", "devices", "files", "kept", "markdown", "records", "seeds"),
+    ("typing", "errors", "extensions", "cgroup", "devices", "files", "kept", "markdown", "records", "renamed", "seeds"),
     ("geo", "per_agent", "scenario", "scenario_io", "problem"),
     ("fields", "belief", "roadmap", "team"),
     ("engine",),
-    ("foresight", "policy", "viz", "missions", "environments", "adapters"),
+    ("foresight", "policy", "viz", "route_files", "environments", "adapters"),
     ("planners",),
     ("training",),
     ("bench", "surveys", "live", "results", "fleet"),

@@ -21,8 +21,8 @@ from maipp.planners import planner_names
 # What others rely on: names may be added, none may go or change its meaning without a note in CHANGELOG.md.
 NAMES = """
 Belief Decision Environment Episode InputError Interest LiveSurvey Metrics Mission Observation PathSampler PlanSearch
-Planner Raster Scenario State Vehicle __version__ belief_at compare condition draw_missions edges_here evaluate extend
-keep_compiled load_policy load_scenario load_survey make_planner option part predicted_trace predicted_variance
+Planner Raster Scenario State Vehicle __version__ belief_at compare condition draw_missions feasible_edges evaluate
+extend keep_compiled load_policy load_scenario load_survey make_planner option part predicted_trace predicted_variance
 prepare read_episode read_field register run_missions score_missions trajectories use_all_cores write_episode
 """
 

@@ -9,10 +9,10 @@ import pytest
 import tyro
 
 import maipp
-from maipp.cli.evaluate import Evaluate, _rows
+from maipp.cli.evaluate import EvaluateFlags, _rows
 from maipp.cli.main import command_of, flags_of
-from maipp.cli.options import ScenarioFlags
-from maipp.cli.plan import Plan
+from maipp.cli.plan import PlanFlags
+from maipp.cli.scenario_flags import ScenarioFlags
 from maipp.planners import make_planner, planner_names
 
 ROOT = Path(__file__).parents[1]
@@ -54,9 +54,9 @@ def test_the_example_uses_public_names_only():
 def test_the_commands_are_understood(arguments):
     name, rest = command_of(arguments)
     flags = tyro.cli(flags_of(name), args=rest)
-    if isinstance(flags, Evaluate):
+    if isinstance(flags, EvaluateFlags):
         assert len(_rows(flags)) >= 2
-    elif isinstance(flags, Plan):
+    elif isinstance(flags, PlanFlags):
         make_planner(flags.planner, flags.to_scenario(), flags.planner_options())
     else:
         assert not isinstance(flags, ScenarioFlags)

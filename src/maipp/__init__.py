@@ -7,6 +7,8 @@ The names below are imported when they are first used: importing maipp itself im
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from maipp.renamed import renamed, serve_old_modules
+
 if TYPE_CHECKING:
     from maipp.belief.interest import Interest
     from maipp.belief.posterior import Belief, condition, extend
@@ -26,11 +28,11 @@ if TYPE_CHECKING:
     from maipp.errors import InputError
     from maipp.fields.raster import Raster, read_field
     from maipp.fleet.vehicle import Vehicle
-    from maipp.live.survey import LiveSurvey
+    from maipp.live.live_survey import LiveSurvey
     from maipp.planners.lookahead import predicted_trace, predicted_variance
     from maipp.planners.paths.path_sampler import PathSampler
     from maipp.planners.registry import make_planner, register
-    from maipp.planners.roadmap.edges import edges_here
+    from maipp.planners.roadmap.edges import feasible_edges
     from maipp.planners.search.plan_search import PlanSearch
     from maipp.policy.shipped import load_policy
     from maipp.scenario import Scenario
@@ -47,7 +49,7 @@ _MODULES = {
     "Episode": "maipp.engine.episode",
     "InputError": "maipp.errors",
     "Interest": "maipp.belief.interest",
-    "LiveSurvey": "maipp.live.survey",
+    "LiveSurvey": "maipp.live.live_survey",
     "Metrics": "maipp.engine.score",
     "Mission": "maipp.engine.mission",
     "Observation": "maipp.engine.decision",
@@ -62,9 +64,9 @@ _MODULES = {
     "compare": "maipp.bench.evaluations",
     "condition": "maipp.belief.posterior",
     "draw_missions": "maipp.engine.mission",
-    "edges_here": "maipp.planners.roadmap.edges",
     "evaluate": "maipp.bench.evaluate",
     "extend": "maipp.belief.posterior",
+    "feasible_edges": "maipp.planners.roadmap.edges",
     "keep_compiled": "maipp.devices",
     "load_policy": "maipp.policy.shipped",
     "load_scenario": "maipp.scenario_io",
@@ -108,7 +110,7 @@ __all__ = [
     "compare",
     "condition",
     "draw_missions",
-    "edges_here",
+    "feasible_edges",
     "evaluate",
     "extend",
     "keep_compiled",
@@ -148,3 +150,7 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+renamed(__name__, edges_here="feasible_edges")
+serve_old_modules()

@@ -24,7 +24,7 @@ ZONES = SMALL.replace(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 30), data=st.data())
 def test_masked_actions_are_replaced_by_the_nearest_that_is_allowed(seed, data):
     env = surveys.aec_env(UNEQUAL)
@@ -73,6 +73,7 @@ NO_ACTIONS = st.one_of(
 )
 
 
+@settings(max_examples=20)  # each makes two environments
 @given(action=NO_ACTIONS)
 def test_what_is_no_action_is_told_and_changes_nothing(action):
     env, other = surveys.aec_env(SMALL), surveys.parallel_env(SMALL)

@@ -20,13 +20,16 @@ from pettingzoo.test import (  # noqa: E402
 
 import maipp.adapters.pettingzoo as environments  # noqa: E402
 from maipp.errors import InputError  # noqa: E402
+from tests.conftest import slow  # noqa: E402
 
 surveys: Any = environments
 FORMS = [{}, {"view": "graph"}, {"actions": "waypoint"}]
 # What PettingZoo's tests say of every environment that keeps its mask in the observation, its board games included.
 EXPECTED = ("Observation is not a NumPy array", "Observation space for each agent probably should be")
 
-forms = pytest.mark.parametrize("form", FORMS, ids=["local", "graph", "waypoint"])
+IDS = ["local", "graph", "waypoint"]
+forms = pytest.mark.parametrize("form", FORMS, ids=IDS)
+first_form = pytest.mark.parametrize("form", [FORMS[0], *map(slow, FORMS[1:])], ids=IDS)
 
 
 @pytest.fixture(autouse=True)
@@ -39,15 +42,13 @@ def nothing_else_is_wrong():
     assert [text for text in told if not text.startswith(EXPECTED)] == []
 
 
-@pytest.mark.slow
-@forms
+@first_form
 def test_aec(small, form):
     api_test(surveys.env(small, **form), num_cycles=60)
     api_test(surveys.aec_env(small, **form), num_cycles=20)
 
 
-@pytest.mark.slow
-@forms
+@first_form
 def test_parallel(small, form):
     parallel_api_test(surveys.parallel_env(small, **form), num_cycles=60)
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from maipp.bench import cells as cells_module
 from maipp.bench.cells import CELLS, Cell, cells, fill, share
 from maipp.bench.frame import grids, read
-from maipp.bench.tables import Row, Sample
+from maipp.bench.tables import Row, SampleSize
 from maipp.errors import InputError
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
 
-SAMPLE = Sample(instances=2, trials=2, seed=3)
+SAMPLE = SampleSize(instances=2, trials=2, seed=3)
 ROWS = ("random", "greedy", "lawnmower")
 
 

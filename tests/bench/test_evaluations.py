@@ -12,7 +12,7 @@ from maipp.bench.evaluations import compare, find, holm, label, merged, paired, 
 from maipp.engine import Decision, Planner
 from maipp.errors import InputError
 from maipp.planners import make_planner
-from maipp.planners.given import given_planner
+from maipp.planners.any_planner import given_planner
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=2, budget=0.6, grid=8, nodes=12, neighbours=4)

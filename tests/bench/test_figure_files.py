@@ -11,7 +11,7 @@ import pytest
 
 from maipp.bench import figure_files
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability
-from maipp.bench.figure_files import Plan, trace_curve, write_figures
+from maipp.bench.figure_files import FigurePlan, trace_curve, write_figures
 from maipp.bench.intents import KINDS, Stability, sampled_paths
 from maipp.bench.tables import Row
 from maipp.engine import draw_missions, run_missions
@@ -81,7 +81,7 @@ def test_the_same_seed_writes_the_same_files(tmp_path, monkeypatch, sampled):
     monkeypatch.setattr(figure_files, "measure", lambda kind, length, scenario, **_: made_up(kind, length))
     monkeypatch.setattr(figure_files, "sampled_paths", lambda scenario, **_: sampled)
     monkeypatch.setattr(figure_files, "_SURVEYED", "random")
-    plan, told = Plan(SCENARIO, instances=3, seed=4, rows=(RANDOM,)), []
+    plan, told = FigurePlan(SCENARIO, instances=3, seed=4, rows=(RANDOM,)), []
     paths = [write_figures(plan, tmp_path / name / "run", told.append) for name in ("a", "b")]
     for first, second in zip(*paths, strict=True):
         if first.suffix != ".md":

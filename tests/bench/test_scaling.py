@@ -16,7 +16,7 @@ from maipp.bench.scaling import (
     BASE,
     LARGEST,
     Cost,
-    Results,
+    ScalingResults,
     Size,
     add_missing,
     growth,
@@ -28,7 +28,7 @@ from maipp.bench.scaling import (
     write_json,
     write_report,
 )
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.scenario import Scenario
@@ -101,7 +101,7 @@ ERRORS = [BeliefError(1500, 0.2, 0.25, 1, 3.5, 0.0123, math.nan, 0.0123, 1e-4, 2
 
 
 def test_all_files_are_written(tmp_path):
-    written = write_report(Results(SETTINGS, COSTS, ERRORS), tmp_path)
+    written = write_report(ScalingResults(SETTINGS, COSTS, ERRORS), tmp_path)
     assert sorted(path.name for path in written) == sorted(path.name for path in tmp_path.iterdir())
     rows = list(csv.DictReader((tmp_path / "scaling.csv").read_text().splitlines()))
     assert [float(row["decision_ms"]) for row in rows] == [cost.decision_ms for cost in COSTS]
@@ -111,20 +111,20 @@ def test_all_files_are_written(tmp_path):
 
 
 def test_the_page_has_exponents_points_and_errors():
-    page = to_markdown(Results(SETTINGS, COSTS, ERRORS))
+    page = to_markdown(ScalingResults(SETTINGS, COSTS, ERRORS))
     assert "| `intent-paths` | grid | 1.00 | 1.00 | 1.00 |" in page
     assert "| `shared-greedy` | grid | 10 | 500 | 60 | 200 | 90.0 | 120.0 | 4.0 | 15.0 | 1.0 |" in page
     assert "| 1500 | 0.2 | 0.25 | 1 | 3.5 | 1.230 % |" in page
-    assert "float64" not in to_markdown(Results(SETTINGS, COSTS, []))
+    assert "float64" not in to_markdown(ScalingResults(SETTINGS, COSTS, []))
 
 
 def test_results_read_back_for_the_same_settings_only(tmp_path):
-    assert read_json(tmp_path, SETTINGS) == Results(SETTINGS, [], [])
-    write_json(Results(SETTINGS, COSTS, ERRORS), tmp_path)
+    assert read_json(tmp_path, SETTINGS) == ScalingResults(SETTINGS, [], [])
+    write_json(ScalingResults(SETTINGS, COSTS, ERRORS), tmp_path)
     found = read_json(tmp_path, SETTINGS)
     assert found.costs == COSTS and math.isnan(found.errors[0].error_se)
     assert found.errors[0]._replace(error_se=0.0) == ERRORS[0]._replace(error_se=0.0)
-    assert read_json(tmp_path, SETTINGS | {"seed": 1}) == Results(SETTINGS | {"seed": 1}, [], [])
+    assert read_json(tmp_path, SETTINGS | {"seed": 1}) == ScalingResults(SETTINGS | {"seed": 1}, [], [])
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"settings": 1}', "\x00"])
@@ -138,7 +138,7 @@ def test_another_file_of_that_name_is_refused(tmp_path, content):
 def test_everybody_is_due_and_knows_what_everybody_has_measured(name):
     planner = make_planner(name, MID_SURVEY)
     mission, state = under_way(MID_SURVEY, planner, seed=1, count=4)
-    after, agent, observation = jax.jit(lambda m, s: turn(m, s))(mission, state)
+    after, agent, observation = jax.jit(lambda m, s: begin_event(m, s))(mission, state)
     assert int(agent) == 0 and int(observation.known.sum()) == 3 * 4
     assert float(observation.remaining) == pytest.approx(1.2 - 4 * 0.2, abs=1e-5)
     assert float(observation.to_next_measurement) == pytest.approx(0.2, abs=1e-5)

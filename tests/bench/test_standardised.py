@@ -11,7 +11,7 @@ from maipp.bench.cells import cells, fill
 from maipp.bench.evaluate import prior_missions, summarise
 from maipp.bench.frame import read
 from maipp.bench.standardised import Standardised, initial_trace, main, spec, table
-from maipp.bench.tables import Sample
+from maipp.bench.tables import SampleSize
 from maipp.errors import InputError
 from maipp.markdown import mean_and_error
 from maipp.planners import make_planner
@@ -20,7 +20,7 @@ from maipp.scenario import Scenario
 TINY = Scenario(agents=2, grid=8, nodes=12, neighbours=4, measurement_interval=1.0)
 
 
-SAMPLE = Sample(3, 1, 0)
+SAMPLE = SampleSize(3, 1, 0)
 
 
 def every_cell(flags):

@@ -13,11 +13,11 @@ from maipp.bench.cells import CellResult
 from maipp.bench.drawings import draw_table
 from maipp.bench.frame import missions, results_of
 from maipp.bench.table_page import table_page
-from maipp.bench.tables import TABLES, Sample
+from maipp.bench.tables import TABLES, SampleSize
 from maipp.bench.tidy_csv import compressed, missions_csv
 
 GOLDEN = Path(__file__).parent / "golden"
-SAMPLE = Sample(instances=4, trials=2, seed=1)
+SAMPLE = SampleSize(instances=4, trials=2, seed=1)
 MACHINE = {"cpu": "A processor", "cores": 2, "backend": "cpu", "devices": 2, "precision": "float32"}
 VERSIONS = {"maipp": "0.1.0", "jax": "0.10.2", "python": "3.11.7"}
 

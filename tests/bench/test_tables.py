@@ -4,11 +4,12 @@ import pytest
 
 from maipp.bench.cells import cells
 from maipp.bench.evaluate import evaluate
-from maipp.bench.tables import TABLES, Sample, best, read_table
+from maipp.bench.tables import TABLES, SampleSize, best, read_table
 from maipp.errors import InputError
 from maipp.planners import make_planner
 from maipp.problem import shape_of
 from maipp.scenario import Scenario
+from tests.conftest import slow
 
 
 def test_the_paper_s_best_rows():
@@ -59,7 +60,7 @@ def own(tmp_path, text):
 def test_a_table_of_one_s_own_is_what_its_file_says(tmp_path):
     table = own(tmp_path, OWN)
     assert (table.name, table.title, table.typed) == ("own", "what hearing is worth", str(tmp_path / "own.yaml"))
-    assert table.sample == Sample(3, 2, 0) and table.reference == "greedy"
+    assert table.sample == SampleSize(3, 2, 0) and table.reference == "greedy"
     near, everywhere = table.parts
     assert (near.scenario.comm_range, everywhere.scenario.comm_range) == (0.3, None)
     assert table.scenario(near, 0.3).threshold == 0.3 and table.heading(0.3) == "threshold = 0.3"
@@ -123,7 +124,7 @@ def test_rows_are_chosen_by_their_name_or_their_planner_s():
         ("lawnmower", {}),
         ("sga-rrt", {"nodes": 12, "lengths": (0.2, 0.3)}),
         ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16}),
-        ("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
+        slow("receding-horizon", {"horizon": 2, "candidates": 4, "elites": 2, "steps": 1, "points": 16, "joint": True}),
         ("intent-paths", {"weights": "untrained", "paths": 2, "steps": 2}),
     ],
 )

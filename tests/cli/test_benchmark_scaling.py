@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from maipp.cli import benchmark_scaling
-from maipp.cli.benchmark_scaling import Scaling, run
+from maipp.cli.benchmark_scaling import ScalingFlags, run
 from maipp.errors import InputError
 
 TINY = {"agents": 2, "measurements": 4, "grid": 5, "nodes": 12}
@@ -24,20 +24,20 @@ TINY = {"agents": 2, "measurements": 4, "grid": 5, "nodes": 12}
 )
 def test_bad_flags_are_refused(tmp_path, flags, said):
     with pytest.raises(InputError, match=said):
-        run(dataclasses.replace(Scaling(tmp_path / "out"), **flags))
+        run(dataclasses.replace(ScalingFlags(tmp_path / "out"), **flags))
     assert not (tmp_path / "out").exists()
 
 
 def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="is a file"):
-        run(Scaling(tmp_path / "out"))
+        run(ScalingFlags(tmp_path / "out"))
 
 
 def test_a_run_writes_its_files_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     for name, value in {"AXES": {"grid": (4, 5)}, "BASE": TINY, "LARGEST": TINY}.items():
         monkeypatch.setattr(benchmark_scaling, name, value)
-    flags = Scaling(tmp_path / "out", planner=("lawnmower",), decisions=2, surveys=0)
+    flags = ScalingFlags(tmp_path / "out", planner=("lawnmower",), decisions=2, surveys=0)
     assert run(flags) == 0
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"scaling.json", "scaling.csv", "errors.csv", "scaling.md", "scaling.png"}

@@ -8,7 +8,7 @@ import pytest
 
 import maipp
 from maipp.cli.main import COMMANDS, main
-from maipp.cli.options import ScenarioFlags
+from maipp.cli.scenario_flags import ScenarioFlags
 from maipp.devices import cache_folder
 from maipp.errors import InputError
 from maipp.planners import planner_names

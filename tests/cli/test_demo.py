@@ -24,9 +24,9 @@ def test_the_demo_s_field_is_the_strait():
 
 @pytest.mark.slow
 def test_the_demo_leaves_its_files(tmp_path, capsys):
-    from maipp.cli.demo import Demo, run
+    from maipp.cli.demo import DemoFlags, run
 
-    assert run(Demo(out=tmp_path, planner="random")) == 0
+    assert run(DemoFlags(out=tmp_path, planner="random")) == 0
     assert len(list(tmp_path.iterdir())) == (6 if find_spec("plotly") else 5)
     printed = capsys.readouterr().out
     assert "deeper than 150 m" in printed and "m (RMSE)" in printed

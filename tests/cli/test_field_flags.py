@@ -6,8 +6,8 @@ import pytest
 from maipp.bench import evaluation_jobs
 from maipp.cli import evaluate as evaluate_module
 from maipp.cli import plan as plan_module
-from maipp.cli.evaluate import Evaluate
-from maipp.cli.plan import Plan
+from maipp.cli.evaluate import EvaluateFlags
+from maipp.cli.plan import PlanFlags
 from maipp.errors import InputError
 from maipp.geo import WGS84
 
@@ -42,9 +42,9 @@ def worlds(monkeypatch, flags):
     monkeypatch.setattr(plan_module, "survey", survey)
     monkeypatch.setattr(evaluation_jobs, "evaluate", evaluate)
     with pytest.raises(ReachedError):
-        plan_module.run(Plan(planner="random", **flags))
+        plan_module.run(PlanFlags(planner="random", **flags))
     with pytest.raises(ReachedError):
-        evaluate_module.run(Evaluate(planner=("random",), **flags))
+        evaluate_module.run(EvaluateFlags(planner=("random",), **flags))
     return caught
 
 
@@ -86,7 +86,7 @@ def test_a_file_without_coordinates_is_placed_alike(folder, monkeypatch):
 def test_flags_that_contradict_are_told(folder, flags, told):
     pytest.importorskip("pyproj")
     both = {"field": folder / "bare.npy", **flags}
-    for command in (Plan, Evaluate):
+    for command in (PlanFlags, EvaluateFlags):
         given = command(**both)
         with pytest.raises(InputError, match=told):
             given.read_field(given.to_scenario())

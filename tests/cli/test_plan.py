@@ -12,10 +12,12 @@ from matplotlib.animation import FFMpegWriter
 
 import maipp.viz
 from maipp.belief import PriorSamples
-from maipp.cli.plan import Plan, report, run
+from maipp.cli.plan import PlanFlags, report, run
 from maipp.engine.episode import replay
 from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
+from maipp.results.foreseen import foreseen
+from maipp.results.records import belief_of
 
 SMALL = (("scenario.grid=8", "scenario.nodes=12", "scenario.neighbours=4"),)
 REPORT = ["report.html"] if find_spec("plotly") else []
@@ -23,7 +25,7 @@ FILES = sorted(["episode.json", "measurements.csv", "mission.gif", "overview.png
 
 
 def small(out, **flags):
-    return Plan(**({"planner": "random", "agents": 2, "budget": (1.0,), "settings": SMALL, "out": out} | flags))
+    return PlanFlags(**({"planner": "random", "agents": 2, "budget": (1.0,), "settings": SMALL, "out": out} | flags))
 
 
 @pytest.fixture(autouse=True)
@@ -44,6 +46,25 @@ CORNERS = (100.0, 200.0, 40.0, 90.0)
 
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.skipif(not REPORT, reason="without plotly there is no report")
+def test_the_report_has_the_map_of_the_foresight_that_is_named(tmp_path):
+    assert run(small(tmp_path / "out", animation=False, foresight="fitted")) == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    episode = read_episode(tmp_path / "out" / "episode.json")
+    law = foreseen(episode, belief_of(episode), "fitted")
+    error = np.sqrt(np.mean((law.mean - episode.truth)[episode.inside] ** 2))
+    (told,) = re.findall(r"Map error, fitted</dt><dd><strong>([\d.]+)", page)
+    assert float(told) == pytest.approx(error, rel=1e-2)  # three digits are shown
+
+
+def test_a_foresight_that_cannot_be_drawn_is_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="--foresight: no foresight 'clear' .*there are protocol, fitted, learned"):
+        run(small(tmp_path / "out", foresight="clear"))
+    monkeypatch.setattr("maipp.cli.plan.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="needs plotly"):
+        run(small(tmp_path / "out", foresight="fitted"))
 
 
 def test_a_survey_leaves_files_that_agree(tmp_path, capsys):

@@ -102,6 +102,12 @@ def told(result):
     return json.loads((result / "result.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.skipif(find_spec("plotly") is None, reason="without plotly there is no report")
+def test_the_report_has_the_foresight_s_map(result):
+    page = (result / "report.html").read_text(encoding="utf-8")
+    assert "Map error, fitted" in page and '"foreseen":{"name":"fitted"' in page
+
+
 def bands(folder):
     with rasterio.open(folder / "map.tif") as file:
         return file.read(), file.transform, file.crs, file.descriptions, file.units

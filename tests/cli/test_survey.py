@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from maipp.cli.main import main
-from maipp.cli.survey import Survey, _sizes, run
+from maipp.cli.survey import SurveyFlags, _sizes, run
 from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
 from maipp.surveys.survey_io import load_survey
@@ -121,5 +121,5 @@ def test_a_failed_survey_leaves_nothing(mission, monkeypatch):
 
     monkeypatch.setattr("maipp.surveys.picture.draw_plan", broken)
     with pytest.raises(InputError):
-        run(Survey(mission=mission, out=mission.parent / "out"))
+        run(SurveyFlags(mission=mission, out=mission.parent / "out"))
     assert list((mission.parent / "out").iterdir()) == []

@@ -6,9 +6,9 @@ import equinox as eqx
 import jax
 import pytest
 
-from maipp.cli.evaluate import Evaluate, _rows
+from maipp.cli.evaluate import EvaluateFlags, _rows
 from maipp.cli.main import main
-from maipp.cli.plan import Plan, run
+from maipp.cli.plan import PlanFlags, run
 from maipp.engine.episode_io import read_episode
 from maipp.errors import InputError
 from maipp.policy import PolicyNetwork, save_weights
@@ -32,7 +32,7 @@ def weights(tmp_path_factory):
 
 
 def test_a_survey_is_planned_with_the_weights_of_a_file(weights, tmp_path):
-    flags = Plan(
+    flags = PlanFlags(
         planner="sga-catnipp",
         weights=str(weights),
         agents=2,
@@ -56,7 +56,7 @@ def test_weights_go_to_the_planners_that_have_them(weights, tmp_path, capsys):
 
 def test_every_planner_with_a_policy_gets_them(weights):
     planners = ("greedy", "sga-catnipp", "di", "ti", "intent-paths")
-    rows = _rows(Evaluate(planner=planners, weights=str(weights), settings=(("steps=2",),)))
+    rows = _rows(EvaluateFlags(planner=planners, weights=str(weights), settings=(("steps=2",),)))
     assert [options for *_, options in rows] == [
         {},
         {"weights": str(weights)},
@@ -65,7 +65,7 @@ def test_every_planner_with_a_policy_gets_them(weights):
 
 
 def test_untrained_is_a_name_too():
-    ((_, _, options),) = _rows(Evaluate(planner=("ti",), weights="untrained"))
+    ((_, _, options),) = _rows(EvaluateFlags(planner=("ti",), weights="untrained"))
     assert options == {"weights": "untrained"}
 
 
@@ -98,7 +98,7 @@ def test_weights_for_nobody_are_refused(command, weights, capsys):
     assert capsys.readouterr().err == f"{expected}ti-star, intent-paths, intent-search\n"
 
 
-@pytest.mark.parametrize("kind", [Plan, Evaluate])
+@pytest.mark.parametrize("kind", [PlanFlags, EvaluateFlags])
 def test_weights_given_twice_are_refused(kind):
     flags = kind(weights="a.safetensors", settings=(("weights=b.safetensors",),))
     with pytest.raises(InputError, match="--weights: given again as --set weights; keep one"):

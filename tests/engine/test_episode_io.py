@@ -8,6 +8,7 @@ import json
 import re
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,6 +25,7 @@ from maipp.engine.episode_io import (
 from maipp.errors import InputError
 from maipp.geo import GeoReference
 from maipp.scenario import Scenario
+from tests.tools.schemas import texts
 
 MAPPING = GeoReference((500.0, 40.0), (2000.0, 2000.0), (1.0, 1.0), 30.0, 10.0, "easting", "northing", "temperature")
 PRIOR = PriorSamples(*(np.array(a, np.float32) for a in ([[0.1, 0.2], [0.1, 0.2], [1.5, 0]], [0.3, 0.4, -2.0])))
@@ -50,6 +52,18 @@ def test_every_key_is_documented(episode):
     assert fields <= written
     assert written - fields <= documented
     assert {key for key in documented if not re.search(r"\.(json|csv|png|mp4)$", key)} <= written
+
+
+def test_the_schema_takes_the_record_and_further_keys_but_none_that_is_wrong(episode):
+    schema = jsonschema.Draft7Validator(json.loads(texts()["episode.json"]))
+    whole = json.loads(dump_episode(dataclasses.replace(episode, reference=MAPPING, prior=PRIOR, expected=True)))
+    older = change(json.loads(dump_episode(episode)), "agents/0/stopped_by", None)
+    for record in (whole, older, whole | {"more": 1}):
+        schema.validate(record)
+    for key in older:
+        assert not schema.is_valid({name: value for name, value in older.items() if name != key})
+    for path, value in (("seed", -1), ("agents/0/budget", 0), ("scenario/agents", 0), ("mapping/size", [1])):
+        assert not schema.is_valid(change(whole, path, value))
 
 
 def change(record, path, value):

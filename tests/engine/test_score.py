@@ -10,10 +10,10 @@ import pytest
 from sklearn.gaussian_process.kernels import Matern
 
 from maipp.engine import draw_missions, reset, run_missions
+from maipp.engine.area_found import found_by
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import dump_episode
 from maipp.engine.finite import instance_and_trial
-from maipp.engine.found import found_by
 from maipp.engine.score import interest_of, pooled_belief, score_missions, trace_over_time
 from maipp.engine.state import BY_PLANNER, NOT_FINITE, RECORD_FULL, SPENT, TRAVELLING
 from maipp.errors import InputError

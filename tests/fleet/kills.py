@@ -21,9 +21,9 @@ import threading
 import time
 from pathlib import Path
 
-from maipp.fleet.launch import Fleet, Process, endpoints, robot_command
+from maipp.fleet.launch import FleetProcesses, Process, endpoints, robot_command
 from maipp.fleet.log import read_lines
-from maipp.fleet.record import read_fleet_record
+from maipp.fleet.recorded_fleet import read_fleet_record
 from maipp.scenario import Scenario
 from maipp.scenario_io import save_scenario
 from tests.fleet.proxy import Proxy
@@ -75,7 +75,7 @@ def fly(
         command = robot_command(folder / "scenario.yaml", name, folder / name, more)
         processes[name] = Process(name, command, folder / f"{name}.txt", heard)
     killed = 0
-    with stack, Fleet([*processes.values()]):
+    with stack, FleetProcesses([*processes.values()]):
         for process in processes.values():
             assert process.ready.wait(READY), (folder / f"{process.name}.txt").read_text()
         begin = time.time() + 0.2

@@ -17,7 +17,7 @@ from maipp.fleet.exchange import HAVE, LINE, LOG
 from maipp.fleet.frame import decode, decode_heads, decode_part, encode, encode_heads, encode_part
 from maipp.fleet.hub import Hub
 from maipp.fleet.log import Origin
-from maipp.fleet.logs import Part
+from maipp.fleet.logs import LogSegment
 from maipp.fleet.member import _INTENT, INTENT
 from maipp.fleet.transport import Hint
 from maipp.fleet.vehicle import Wish
@@ -134,8 +134,8 @@ class Victim:
         known = self.other.logs.known[self.other.origin]
         message = np.zeros(5, np.float32).tobytes()
         self.seeds = {
-            LINE: [encode_part(Part(known.origin, n, [line], b"")) for n, line in enumerate(known.lines)],
-            "part": [encode_part(Part(known.origin, 0, known.lines, b""))],
+            LINE: [encode_part(LogSegment(known.origin, n, [line], b"")) for n, line in enumerate(known.lines)],
+            "part": [encode_part(LogSegment(known.origin, 0, known.lines, b""))],
             HAVE: [encode({"heads": encode_heads(self.other.logs.heads()), "status": {"time": 1.0, "done": False}})],
             LOG: [encode({"origin": str(known.origin), "from": 2, "most": 1000})],
             INTENT: [_INTENT.pack(time, 0.4, 0.6) + message for time in (1e-3, 1.0, 1e9)],
@@ -191,7 +191,7 @@ class Victim:
                 except ValueError:  # numbers that are none, which no writer writes
                     break
                 lines.append(line)
-            self.member.exchange.hear_line(SENDER, encode_part(Part(origin, 0, lines, b"")))
+            self.member.exchange.hear_line(SENDER, encode_part(LogSegment(origin, 0, lines, b"")))
             log = self.robot.logs.known
             if len(log) > 1000:
                 for each in [each for each in log if each not in (self.robot.origin, self.other.origin)]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from maipp.fleet.mavlink.link import COMPONENT, Heard
+from maipp.fleet.mavlink.link import COMPONENT, StampedMessage
 from maipp.fleet.mavlink.modes import ARDUPILOT, PX4
 
 METRE = 1 / 111_320.0  # degrees of latitude
@@ -64,7 +64,7 @@ class Channel:
 
     def take(self):
         heard = [message for data in self.radio.get("down") for message in self.mav.parse_buffer(data) or []]
-        return [Heard(message, self.clock.now(), self.radio.time) for message in heard]
+        return [StampedMessage(message, self.clock.now(), self.radio.time) for message in heard]
 
     def close(self):
         self.closed = True

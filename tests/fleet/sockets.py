@@ -28,7 +28,7 @@ from maipp.fleet.member import Pace
 from maipp.fleet.robot import Robot
 from maipp.fleet.simulated import Simulated
 from maipp.fleet.zenoh_link import ZenohLink
-from maipp.live.believe import believe
+from maipp.live.belief_query import believe
 from maipp.live.setups import scenario_setup
 from maipp.live.team import TeamSurvey
 from maipp.live.world import World
@@ -170,7 +170,7 @@ def main():
 
 def engine_trace(world, setup, state, reach):
     """The same Tr(P) of what the simulator's agents measured: of all, or the mean of what each knows."""
-    from maipp.live.sample import Sample
+    from maipp.live.scaled_measurement import ScaledMeasurement
 
     own = np.asarray(state.known) | np.eye(len(setup.robots), dtype=bool)[:, :, None]
     taken = np.isfinite(state.measurement_time)
@@ -181,7 +181,7 @@ def engine_trace(world, setup, state, reach):
         for other, slot in zip(*np.nonzero(knows), strict=True):
             x, y = np.asarray(state.measurement_x[other, slot], np.float64).tolist()
             value, when = float(state.measurement_y[other, slot]), float(state.measurement_time[other, slot])
-            survey._measurements.add(Sample(when, int(other), x, y, value, False), f"{other}.{slot}")
+            survey._measurements.add(ScaledMeasurement(when, int(other), x, y, value, False), f"{other}.{slot}")
         found.append(traces(world, survey))
     return float(np.mean(found))
 

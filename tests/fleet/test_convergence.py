@@ -2,12 +2,13 @@
 
 import pytest
 
+from tests.conftest import slow
 from tests.fleet import schedules
 
 
-@pytest.mark.parametrize("adapt", [False, True])
-def test_after_any_schedule_all_logs_and_beliefs_are_the_same(make_team, adapt):
-    schedules.run(make_team, 60 if adapt else 200, 25, adapt)
+@pytest.mark.parametrize(("adapt", "count"), [(False, 40), (True, 12), slow(False, 200), slow(True, 60)])
+def test_after_any_schedule_all_logs_and_beliefs_are_the_same(make_team, adapt, count):
+    schedules.run(make_team, count, 25, adapt)
 
 
 def test_the_check_finds_what_is_not_the_same(make_team):

@@ -19,7 +19,7 @@ from maipp.engine.state import positions
 from maipp.fleet.simulated import Simulated
 from maipp.fleet.vehicle import Reached, Reading
 from maipp.scenario import Scenario
-from tests.conftest import TINY_PLANNERS
+from tests.conftest import TINY_PLANNERS, slow
 from tests.shared.stepped import Stepped
 
 SEED = 4
@@ -122,9 +122,20 @@ def same(robot, made):
         np.testing.assert_array_equal(own, other)
 
 
-@pytest.mark.parametrize("planner", PLANNERS)
-@pytest.mark.parametrize("comm_range", [None, 0.3])
-def test_three_robots_decide_what_the_engine_decides(make_team, planner, comm_range):
+@pytest.mark.parametrize(
+    ("comm_range", "planner"),
+    [
+        (None, "intent-paths"),
+        (0.3, "ti"),
+        (0.3, "receding-horizon"),
+        slow(None, "ti"),
+        slow(None, "receding-horizon"),
+        slow(None, "intent-search"),
+        slow(0.3, "intent-paths"),
+        slow(0.3, "intent-search"),
+    ],
+)
+def test_three_robots_decide_what_the_engine_decides(make_team, comm_range, planner):
     scenario = SCENARIO.replace(comm_range=comm_range)
     count, robots = side_by_side(make_team, scenario, (planner, TINY_PLANNERS[planner]), same)
     assert count > 3 * scenario.agents

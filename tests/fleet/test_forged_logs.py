@@ -8,9 +8,9 @@ import pytest
 from maipp.fleet.exchange import HAVE, LOG
 from maipp.fleet.frame import encode, encode_heads, encode_part
 from maipp.fleet.hub import Hub
-from maipp.fleet.keys import make_keys
+from maipp.fleet.key_folders import make_keys
 from maipp.fleet.log import Head, Log, Origin
-from maipp.fleet.logs import Logs, Part
+from maipp.fleet.logs import Logs, LogSegment
 from maipp.fleet.robot import Robot
 from maipp.fleet.seal import signed_bytes
 from maipp.fleet.security import read_security
@@ -75,7 +75,7 @@ class Sealed:
 
         def part(question):
             start = json.loads(question)["from"]
-            return encode_part(Part(log.origin, start, log.lines[start:], signature))
+            return encode_part(LogSegment(log.origin, start, log.lines[start:], signature))
 
         self.liar.serve(LOG, part)
         del self.told[:]
@@ -133,7 +133,7 @@ def test_lines_that_were_changed_on_the_way_are_refused(sealed):
         sealed.victim.logs.known.pop(origin, None)
         if known:
             signed = sealed.honest.logs.seal.sign(origin, real.at(known))
-            sealed.victim.logs.extend(Part(origin, 0, real.lines[:known], signed))
+            sealed.victim.logs.extend(LogSegment(origin, 0, real.lines[:known], signed))
         log = Log(origin)
         log.chains, log.lines = [*real.chains], [*real.lines]
         log.lines[number] = log.lines[number].replace(b'"value":0.', b'"value":9.').replace(b"0", b"1")
@@ -157,8 +157,8 @@ def test_what_is_old_is_not_taken_for_new(sealed):
     old.add(0, real.lines[:4])
     signature = sealed.honest.logs.seal.sign(origin, head)
     assert sealed.offers(old, signature) == sealed.state()
-    assert sealed.victim.logs.extend(Part(origin, 0, old.lines, signature)) == []
-    assert sealed.victim.logs.extend(Part(origin, 2, real.lines[2:4], signature)) == []
+    assert sealed.victim.logs.extend(LogSegment(origin, 0, old.lines, signature)) == []
+    assert sealed.victim.logs.extend(LogSegment(origin, 2, real.lines[2:4], signature)) == []
     assert sealed.told == []
     elsewhere = sealed.log("robot2", 5, "2" * 8, mission="6" * 64)
     assert sealed.offers(elsewhere, sealed.forged(elsewhere, "robot2")) == sealed.state()

@@ -242,12 +242,12 @@ def test_a_robot_is_driven_through_its_whole_survey(make_team):
 def test_it_is_made_with_a_wait_for_the_first_position(make_team, tmp_path, monkeypatch):
     from maipp.errors import InputError
     from maipp.fleet import lines
-    from maipp.fleet.vehicles import Place
+    from maipp.fleet.vehicles import VehicleContext
     from maipp.live.team import TeamSurvey
 
     team = make_team(SCENARIO, ("receding-horizon", TINY_PLANNERS["receding-horizon"]))
     survey, told = TeamSurvey(team.world, team.setup), []
-    place = Place(team.names[0], survey, None, tmp_path, team.clock, 0, told.append)
+    place = VehicleContext(team.names[0], survey, None, tmp_path, team.clock, 0, told.append)
     source, sink = Source(), Sink()
     monkeypatch.setattr(lines, "LineInput", lambda: source)
     monkeypatch.setattr(lines, "LineOutput", lambda: sink)

@@ -7,7 +7,7 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.fleet.log import Head, Log, Origin, check_name, read_origin
-from maipp.fleet.logs import DiskError, Logs, Part
+from maipp.fleet.logs import DiskError, Logs, LogSegment
 
 MISSION = "a" * 64
 
@@ -173,7 +173,7 @@ def test_a_head_says_where_the_first_lines_end():
     with pytest.raises(ValueError, match="does not follow"):
         log.read(4, [b"x"])
     assert log.read(1, log.lines[1:]) == ([], log.head.chain)
-    assert isinstance(Part(log.origin, 0, log.lines, b""), tuple)
+    assert isinstance(LogSegment(log.origin, 0, log.lines, b""), tuple)
 
 
 def test_a_log_that_could_not_begin_begins_later(tmp_path, monkeypatch):

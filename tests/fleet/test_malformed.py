@@ -4,7 +4,7 @@ import pytest
 
 from maipp.fleet.exchange import HAVE
 from maipp.fleet.frame import LARGEST_FRAME, LARGEST_PART, decode, decode_part, encode
-from maipp.fleet.hub import Link
+from maipp.fleet.hub import HubLink
 from maipp.fleet.transport import Hint
 from tests.fleet import schedules
 from tests.fleet.malformed import SENDER, Victim
@@ -69,7 +69,7 @@ def test_answers_that_were_not_asked_for_are_refused(victim):
     """Somebody who says that it has much, and then sends other things."""
     robot, hub = victim.robot, victim.member.transport.hub
     heads = {f"robot3.{number:08x}": [10**12, "0" * 16] for number in range(100)}
-    liar = Link(hub, "liar")
+    liar = HubLink(hub, "liar")
     hub.links["liar"] = liar
     liar.serve("have", lambda question: encode({"heads": heads, "status": {}}))
     for answer in (b"", b"{}", victim.seeds["part"][0], victim.seeds["line"][0], bytes(100_000)):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from maipp.errors import InputError
-from maipp.fleet.mavlink.mission import items_of
+from maipp.fleet.mavlink.mission_items import items_of
 from maipp.fleet.mavlink.modes import ARDUPILOT, PX4, modes_of
 from maipp.fleet.mavlink.passing import Passing
 from maipp.fleet.mavlink.sensor import Sensor
 from maipp.fleet.mavlink.upload import Upload
-from maipp.missions.vehicle import Vehicle as Kind
+from maipp.route_files.vehicle_settings import VehicleSettings as Kind
 
 WAY = [(10.0003, 0.0), (10.0003, 0.0004)]
 

@@ -22,9 +22,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from maipp.errors import InputError
 from maipp.fleet.clock import WallClock
 from maipp.fleet.mavlink import make, making
-from maipp.fleet.mavlink.link import Link
+from maipp.fleet.mavlink.link import MavlinkConnection
 from maipp.fleet.vehicle import Reached, Reading
-from maipp.fleet.vehicles import Place
+from maipp.fleet.vehicles import VehicleContext
 from maipp.live.team import TeamSurvey
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
@@ -116,7 +116,7 @@ class Peer:
 
 def place_of(mission, folder, told):
     survey = cast(TeamSurvey, TeamSurvey.from_prepared(mission, seed=5, epoch=time.time() - 100.0))
-    return Place("boat-1", survey, mission, folder, WallClock(survey.setup.units.epoch), 5, told.append)
+    return VehicleContext("boat-1", survey, mission, folder, WallClock(survey.setup.units.epoch), 5, told.append)
 
 
 def degrees(*points):
@@ -199,7 +199,7 @@ def test_a_connection_that_is_closed_is_made_again_and_noise_is_left_out():
     noise = random.Random(3).randbytes(20_000) + b"\xfd\x09" + text
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(10)
-        link = Link(f"tcp:127.0.0.1:{server.getsockname()[1]}", 57600, 245, time.time)
+        link = MavlinkConnection(f"tcp:127.0.0.1:{server.getsockname()[1]}", 57600, 245, time.time)
         try:
             for _ in range(2):
                 peer, _ = server.accept()

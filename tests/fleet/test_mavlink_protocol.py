@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from maipp.errors import InputError
 from maipp.fleet.mavlink import drive
 from maipp.fleet.mavlink.autopilot import Autopilot
-from maipp.fleet.mavlink.course import Choice, Told
-from maipp.fleet.mavlink.drive import Drive, Ground, Senses
+from maipp.fleet.mavlink.course import AutopilotSettings, Notices
+from maipp.fleet.mavlink.drive import Drive, LocalPlane, Senses
 from maipp.fleet.mavlink.inside import Inside
-from maipp.fleet.mavlink.mission import fence_items
+from maipp.fleet.mavlink.mission_items import fence_items
 from maipp.fleet.mavlink.modes import ARDUPILOT, PX4, modes_of
 from maipp.fleet.mavlink.sensor import Sensor
 from maipp.fleet.vehicle import Reached, Reading, Vehicle
-from maipp.missions.fences import Fence
-from maipp.missions.vehicle import Vehicle as Kind
+from maipp.route_files.fences import Fence
+from maipp.route_files.vehicle_settings import VehicleSettings as Kind
 from tests.fleet.scripted_autopilot import METRE, Channel, Radio, ScriptedAutopilot
 
 AREA = np.array([[9.99, -0.01], [10.01, -0.01], [10.01, 0.01], [9.99, 0.01]])
@@ -52,10 +52,10 @@ class World:
         self.pilot.value = lambda x, y: float(to_plane([(x, y)])[0, 0])  # metres east
         self.channel = Channel(self.radio, self)
         inside = Inside(Fence(AREA, (ZONE,)), margin, to_plane)
-        ground = Ground(to_plane, to_user, inside, 20.0, 5.0)
+        ground = LocalPlane(to_plane, to_user, inside, 20.0, 5.0)
         autopilot = Autopilot(0, 245, self.channel.send)
-        choice, senses = Choice(boat, lambda: 2.0, "", fence), Senses(Sensor(2.0), "turbidity")
-        said = Told("boat", self.told.append)
+        choice, senses = AutopilotSettings(boat, lambda: 2.0, "", fence), Senses(Sensor(2.0), "turbidity")
+        said = Notices("boat", self.told.append)
         self.vehicle = Drive(self.channel, autopilot, ground, choice, senses, self, said, lambda: self.radio.time)
         self.run(3.0 if not radio.get("loss") else 10.0)
         assert self.vehicle.known

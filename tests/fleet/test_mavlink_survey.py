@@ -11,7 +11,7 @@ from maipp.fleet.logs import Logs
 from maipp.fleet.mavlink import make, making
 from maipp.fleet.member import Pace
 from maipp.fleet.robot import Robot
-from maipp.fleet.vehicles import Place
+from maipp.fleet.vehicles import VehicleContext
 from maipp.live.team import TeamSurvey
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
@@ -57,7 +57,7 @@ def test_it_surveys_and_comes_home(tmp_path, monkeypatch, loss):
     monkeypatch.setattr(making, "Link", lambda url, baud, source, now: Channel(radio, clock, source))
     monkeypatch.setattr(time, "sleep", step)  # while it waits for the autopilot
     monkeypatch.setattr(time, "monotonic", lambda: radio.time)
-    place = Place("boat-1", survey, mission, tmp_path, clock, 5, told.append)
+    place = VehicleContext("boat-1", survey, mission, tmp_path, clock, 5, told.append)
     vehicle = make(place, {"sensor": "turbidity", "wait": "20"})
     vehicle._monotonic = clock.now
     told.clear()

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from maipp.fleet.keys import make_keys
+from maipp.fleet.key_folders import make_keys
 from maipp.fleet.launch import free_ports
 from maipp.fleet.reach import Scout, why_not
 from maipp.fleet.security import read_security

@@ -9,7 +9,7 @@ from maipp.fleet.folder import mark_folder
 from maipp.fleet.hub import Faults
 from maipp.fleet.logs import DiskError
 from maipp.fleet.member import Pace
-from maipp.fleet.record import read_fleet_record
+from maipp.fleet.recorded_fleet import read_fleet_record
 from maipp.fleet.vehicle import Wish
 from maipp.live.gate import LEVEL
 from maipp.results import read_taken

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from maipp.fleet.exchange import HAVE, LOG
-from maipp.fleet.keys import make_keys
+from maipp.fleet.key_folders import make_keys
 from maipp.fleet.launch import free_ports
 from maipp.fleet.security import read_security
 from maipp.fleet.zenoh_config import configuration, zenoh_config

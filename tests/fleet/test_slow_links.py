@@ -5,13 +5,13 @@ import random
 import pytest
 
 from maipp.fleet.exchange import LOG, PART, Exchange
-from maipp.fleet.hub import Hub, Link
+from maipp.fleet.hub import Hub, HubLink
 from maipp.fleet.logs import Logs
 
 MISSION = "5" * 64
 
 
-class Slow(Link):
+class Slow(HubLink):
     """An end to which an answer comes only if it is not too long."""
 
     most, now = 0, 0.0
@@ -55,7 +55,7 @@ def test_a_log_comes_over_a_slow_link(seal):
     assert told == [] and size > PART / 2
 
 
-class Boaster(Link):
+class Boaster(HubLink):
     """Says to have more than it brings."""
 
     asked = 0

@@ -62,14 +62,14 @@ def mission():
 
 @pytest.fixture
 def place(survey, tmp_path):
-    return vehicles.Place("robot2", survey, None, tmp_path, VirtualClock(), 3, print)
+    return vehicles.VehicleContext("robot2", survey, None, tmp_path, VirtualClock(), 3, print)
 
 
 @pytest.fixture
 def real_place(mission, tmp_path):
     """A place with metres, salt in g/L (mean 10, std 4), an epoch, and robots of different speeds."""
     survey = cast(TeamSurvey, TeamSurvey.from_prepared(mission, seed=5, epoch=1000.0))
-    return vehicles.Place("two", survey, mission, tmp_path, VirtualClock(1000.0), 5, print)
+    return vehicles.VehicleContext("two", survey, mission, tmp_path, VirtualClock(1000.0), 5, print)
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from fuzz_check import Target
 from maipp.fields import netcdf_apart
 from maipp.fields.raster_io import load_raster
 from maipp.surveys.joined import joined
-from maipp.surveys.survey import SampleFile
+from maipp.surveys.mission_file import SampleFile
 
 _TRACK = b"time,lon,lat\n" + b"".join(f"2024-05-01T10:0{i}:00Z,4.73{i},52.24{i}\n".encode() for i in range(6))
 _SONDE = b"Serial: 123\n\nDate,Time,chl ug/L\n" + b"".join(

@@ -11,7 +11,7 @@ from fuzz_check import Target
 
 from maipp.live import LiveSurvey
 from maipp.live.journal import read_journal
-from maipp.live.record import read_record
+from maipp.live.recorded_survey import read_record
 from maipp.scenario import Scenario
 
 

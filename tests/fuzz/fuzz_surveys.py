@@ -13,7 +13,7 @@ from maipp.fields.samples import load_samples
 from maipp.geo import WGS84
 from maipp.live.events import read_event
 from maipp.live.request import parse_line
-from maipp.surveys.place import find_place
+from maipp.surveys.projected_area import find_place
 from maipp.surveys.shapes import load_drawing, to_polygon
 from maipp.surveys.survey_io import load_survey
 from maipp.surveys.template import TEMPLATE

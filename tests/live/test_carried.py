@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from maipp.live.carried import carried
-from maipp.live.robots import Robot
+from maipp.live.robot_state import RobotState
 from maipp.live.units import Units
 from maipp.live.world import draw_world, make_setup
 from maipp.live.worlds import Worlds
@@ -29,7 +29,7 @@ def nothing_of(planner, agents, options=None):
 
 
 def robot_of(nothing):
-    one = Robot("a", 1.0, 1.0, filled(nothing[0], 3), filled(nothing[1], 4), earlier=filled(nothing[1], 5))
+    one = RobotState("a", 1.0, 1.0, filled(nothing[0], 3), filled(nothing[1], 4), earlier=filled(nothing[1], 5))
     one.arrivals = 2
     return one
 
@@ -56,7 +56,7 @@ def test_what_has_another_form_begins_anew_and_is_told():
     assert forgot == ["memories", "messages"]
     for tree, like in ((other.message, after[0]), (other.memory, after[1]), (other.earlier, after[1])):
         jax.tree.map(np.testing.assert_array_equal, tree, like)
-    (new,), forgot = carried([Robot("a", 1.0, 1.0, *before)], before, after, (4, 5), fresh=False)
+    (new,), forgot = carried([RobotState("a", 1.0, 1.0, *before)], before, after, (4, 5), fresh=False)
     assert forgot == [] and shapes(new.memory) == shapes(after[1])  # it had nothing to forget
 
 

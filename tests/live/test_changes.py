@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from maipp.errors import InputError
 from maipp.live import LiveSurvey, worlds
-from maipp.live.record import read_record
+from maipp.live.recorded_survey import read_record
 from maipp.results.journals import taken_live
 from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario

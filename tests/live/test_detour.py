@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from maipp.engine.polyline import shortened
 from maipp.live import LiveSurvey
-from maipp.live.detour import keep_out, way_out
+from maipp.live.detour import keep_out, path_out
 from maipp.roadmap import Obstacles
 from maipp.scenario import Scenario
 from tests.conftest import TINY_PLANNERS
@@ -37,7 +37,7 @@ def test_a_leg_across_a_zone_goes_around_it_by_the_shortest_way():
 def test_no_leg_from_where_planners_may_begin_crosses_a_zone(x, y, to_x, to_y):
     place, end = np.array([x, y]), np.array([to_x, to_y])
     assume(ZONES.free(end[None])[0])
-    begun = way_out(ZONE, place)
+    begun = path_out(ZONE, place)
     assert ZONES.free(begun[None])[0]
     outside = max(min(x - 0.4, 0.6 - x, y - 0.4, 0.6 - y), 0.0)  # how deep in the zone it is
     assert np.hypot(*(begun - place)) == pytest.approx(outside, abs=3e-3)
@@ -52,7 +52,7 @@ def test_no_leg_from_where_planners_may_begin_crosses_a_zone(x, y, to_x, to_y):
 @given(x=st.floats(-0.2, 1.2), y=st.floats(-0.2, 1.2))
 def test_who_is_outside_of_the_domain_comes_back_the_shortest_way(x, y):
     place = np.array([x, y])
-    np.testing.assert_array_equal(way_out(Scenario(), place), np.clip(place, 0, 1))
+    np.testing.assert_array_equal(path_out(Scenario(), place), np.clip(place, 0, 1))
 
 
 @pytest.mark.parametrize("planner", TINY_PLANNERS)

@@ -10,7 +10,7 @@ from maipp.errors import InputError
 from maipp.live import LiveSurvey
 from maipp.live.differences import check_same
 from maipp.live.events import read_event
-from maipp.live.record import read_record
+from maipp.live.recorded_survey import read_record
 from maipp.surveys.standardise import prepare
 from maipp.surveys.survey_io import parse_survey
 

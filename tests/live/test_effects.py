@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from maipp.errors import InputError
-from maipp.live.measurements import Measurements
-from maipp.live.robots import Robot
+from maipp.live.measurements import MeasurementSet
+from maipp.live.robot_state import RobotState
 from maipp.live.serve import answer_line
 from tests.live.events import arrived, measured, text
 
@@ -29,7 +29,7 @@ def test_an_effect_that_fails_changes_nothing(make, tmp_path, monkeypatch, name)
         survey.handle(arrived("first"))
         before = text(survey.state()), text(survey.belief()), (tmp_path / "j").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(Robot, name, broken)
+            patch.setattr(RobotState, name, broken)
             answer = answer_line(survey, json.dumps(event).encode(), 1)
         assert answer["problem"] == "internal error, nothing was changed: ZeroDivisionError: injected"
         assert before == (text(survey.state()), text(survey.belief()), (tmp_path / "j").read_bytes())
@@ -44,7 +44,7 @@ def test_after_an_event_that_is_only_in_the_journal_nothing_is_answered(make, tm
     with make(tmp_path / "j" if kept else None) as survey:
         survey.handle(arrived("first"))
         with monkeypatch.context() as patch:
-            patch.setattr(Measurements, "add", broken)
+            patch.setattr(MeasurementSet, "add", broken)
             problem = answer_line(survey, json.dumps(measured("m")).encode(), 1)["problem"]
         told = "the event is in the journal, start again on it" if kept else "start anew"
         assert problem == f"internal error, {told}: ZeroDivisionError: injected"
@@ -80,8 +80,8 @@ def test_an_interrupt_while_the_journal_is_written_is_as_if_nothing_was_sent(mak
 
 
 def test_an_answer_that_is_not_a_number_is_refused_and_changes_nothing(make, monkeypatch, tmp_path):
+    from maipp.live import live_survey as module
     from maipp.live import queries
-    from maipp.live import survey as module
 
     with make(journal=tmp_path / "journal") as survey:
         real = queries.believe

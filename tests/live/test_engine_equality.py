@@ -4,12 +4,13 @@ import itertools
 
 import jax
 import numpy as np
+import pytest
 
 from maipp.engine.observe import time_tolerance
 from maipp.live import LiveSurvey, world
 from maipp.live.messages import pack
 from maipp.scenario import Scenario
-from tests.conftest import TINY_PLANNERS
+from tests.conftest import TINY_PLANNERS, slow
 from tests.shared.stepped import Stepped
 
 SCENARIO = Scenario(
@@ -134,14 +135,17 @@ def test_foreseeing_decides_the_same(tmp_path):
     follow(scenario, planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
-def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(tiny_planner, monkeypatch):
+@pytest.mark.parametrize(
+    "name", [name if name in ("shared-greedy", "di", "receding-horizon") else slow(name) for name in TINY_PLANNERS]
+)
+def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(name, monkeypatch):
     """Each robot has a survey of its own, which is told what it hears, and begins with room for one measurement.
 
     The factor of a belief with other slots is rounded otherwise, at 1e-6 or so; a gradient step carries that on.
     """
     monkeypatch.setattr(world, "_RESERVE", 0.2)
     scenario = SCENARIO.replace(comm_range=0.3)
-    crew = follow(scenario, tiny_planner, None, exact=False)
+    crew = follow(scenario, (name, TINY_PLANNERS[name]), None, exact=False)
     room = [len(survey._measurements.slots().y) for survey in crew.surveys]
     assert max(room) > scenario.agents  # it has grown
 

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maipp.belief.refit import Hyperparameters
-from maipp.live import seen
+from maipp.live import incremental_posterior
 from maipp.live.gate import LEVEL, Gate
-from maipp.live.sample import Sample
-from maipp.live.seen import Old, correlations
+from maipp.live.incremental_posterior import ConditionedSamples, correlations
+from maipp.live.scaled_measurement import ScaledMeasurement
 
 KERNEL = Hyperparameters(0.0, 1.0, 0.45, 0.0025)
 
@@ -26,7 +26,10 @@ def survey(seed, kernel=KERNEL, count=90, scale=1.0, guess=None):
     x = np.array([row[2:] for row in rows])
     covariance = kernel.std**2 * correlations(kernel, x, x) + (kernel.noise + 1e-9) * np.eye(count)
     values = scale * np.linalg.cholesky(covariance) @ rng.normal(size=count)
-    return [Sample(row[0], row[1], row[2], row[3], value) for row, value in zip(rows, values.tolist(), strict=True)]
+    return [
+        ScaledMeasurement(row[0], row[1], row[2], row[3], value)
+        for row, value in zip(rows, values.tolist(), strict=True)
+    ]
 
 
 def out(samples, kernel=KERNEL, **more):
@@ -96,8 +99,8 @@ def test_values_that_stand_for_none_agree_with_nothing():
 def test_old_samples_count():
     samples = survey(5)
     old = np.array([(s.x, s.y) for s in samples]), np.array([s.value + 4 for s in samples]), np.full(90, 0.04)
-    later = [Sample(1.0, 0, samples[30].x, samples[30].y, samples[30].value)]
-    assert out(later, old=Old(*old)).all() and not out(later).any()
+    later = [ScaledMeasurement(1.0, 0, samples[30].x, samples[30].y, samples[30].value)]
+    assert out(later, old=ConditionedSamples(*old)).all() and not out(later).any()
 
 
 def test_kept_ones_count_and_without_a_level_all_do():
@@ -124,7 +127,7 @@ def test_of_very_many_the_nearest_tell_as_much(monkeypatch):
     """Beyond 512 only the nearest 96 or so are asked; what they expect differs by a small part of a deviation."""
     samples = survey(3, count=660)
     by_near = [verdict.surprise or 0.0 for verdict in Gate(KERNEL, LEVEL).judge(samples)]
-    monkeypatch.setattr(seen, "_MOST", 10_000)
+    monkeypatch.setattr(incremental_posterior, "_MOST", 10_000)
     by_all = [verdict.surprise or 0.0 for verdict in Gate(KERNEL, LEVEL).judge(samples)]
     np.testing.assert_array_equal(by_near[:512], by_all[:512])
     apart = np.abs(np.subtract(by_near[512:], by_all[512:]))

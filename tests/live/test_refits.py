@@ -12,13 +12,13 @@ from maipp.belief import Interest
 from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.errors import InputError
 from maipp.live import LiveSurvey, refits
-from maipp.live.believe import believe
+from maipp.live.belief_query import believe
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.incremental_posterior import correlations
 from maipp.live.journal import Journal, read_journal
-from maipp.live.record import read_record
+from maipp.live.recorded_survey import read_record
 from maipp.live.refits import Refits
-from maipp.live.sample import Sample
-from maipp.live.seen import correlations
+from maipp.live.scaled_measurement import ScaledMeasurement
 from maipp.live.simulate import simulate
 from maipp.results.field_map import field_map
 from maipp.results.journals import taken_live
@@ -44,7 +44,7 @@ def samples(seed, count=48, true=0.2, level=0.0, size=1.0):
     covariance = correlations(GUESS._replace(length_scale=true), x, x) + 1e-3 * np.eye(count)
     values = level + size * np.linalg.cholesky(covariance) @ rng.normal(size=count)
     return [
-        Sample(float(i), i % 2, px, py, value)
+        ScaledMeasurement(float(i), i % 2, px, py, value)
         for i, ((px, py), value) in enumerate(zip(x.tolist(), values, strict=True))
     ]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from maipp.live.rehearse import refitted
+from maipp.surveys.mission_file import Rehearsal
 from maipp.surveys.rehearsal import REFITTED, rehearse
 from maipp.surveys.rehearsal_report import words
-from maipp.surveys.survey import Rehearsal
 from maipp.surveys.survey_io import parse_survey
 from tests.surveys.conftest import SQUARE
 

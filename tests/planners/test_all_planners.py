@@ -11,6 +11,7 @@ from shapely.geometry import LineString, Polygon
 from maipp.engine import draw_missions, run_missions
 from maipp.planners import make_planner, planner_names
 from maipp.scenario import Scenario
+from tests.conftest import slow
 from tests.shared.area_surveys import zones_in
 
 WALL = ((0.35, 0.3), (0.65, 0.3), (0.65, 1.1), (0.35, 1.1))
@@ -94,10 +95,27 @@ PAIRS = [
     and (setting == "walled" or name != "foresight")
 ]
 WALLED = [name for name, setting in PAIRS if setting == "walled"]
-on_a_walled_roadmap = pytest.mark.parametrize("name", [name for name in WALLED if name in ROADMAP])
+# Their compilations are the longest. Zones are held against `foresight` here, and in tests/engine/test_homing.py.
+SLOW = (
+    ("receding-horizon", "walled"),
+    ("receding-horizon joint", "team"),
+    ("intent-search", "walled"),
+    ("intent-search", "alone"),
+    ("intent-paths", "alone"),
+)
 
 
-@pytest.mark.parametrize(("name", "setting"), PAIRS)
+def of_all(pairs):
+    """These pairs as parameters."""
+    return pytest.mark.parametrize(("name", "setting"), [slow(*pair) if pair in SLOW else pair for pair in pairs])
+
+
+def of_walled(names):
+    """These planners' names as parameters, for surveys around a wall."""
+    return pytest.mark.parametrize("name", [slow(name) if (name, "walled") in SLOW else name for name in names])
+
+
+@of_all(PAIRS)
 def test_the_laws_of_the_survey_hold(survey, name, setting):
     scenario = SCENARIOS[setting]
     _, missions, states = survey(name, setting)
@@ -121,10 +139,7 @@ def test_the_laws_of_the_survey_hold(survey, name, setting):
 
 
 # On a roadmap `walled` has the rule to stop.
-@pytest.mark.parametrize(
-    ("name", "setting"),
-    [p for p in PAIRS if (p[1] != "walled" or p[0] not in ROADMAP) and p[0] not in MAY_STOP_EARLY],
-)
+@of_all([p for p in PAIRS if (p[1] != "walled" or p[0] not in ROADMAP) and p[0] not in MAY_STOP_EARLY])
 def test_the_budget_is_used_up(survey, name, setting):
     _, missions, states = survey(name, setting)
     np.testing.assert_allclose(states.odometer, missions.params.budgets, atol=2e-5)
@@ -136,7 +151,7 @@ def node_of(nodes, place):
     return int(np.argmin(distance)) if distance.min() < 2e-5 else None
 
 
-@pytest.mark.parametrize(("name", "setting"), [pair for pair in PAIRS if pair[0] in ROADMAP])
+@of_all([pair for pair in PAIRS if pair[0] in ROADMAP])
 def test_roadmap_planners_travel_along_edges(survey, name, setting):
     _, missions, states = survey(name, setting)
     for b, agent, route, _ in routes(states):
@@ -157,7 +172,7 @@ def test_roadmap_planners_travel_along_edges(survey, name, setting):
             assert (beside[edges @ moved > 0] < 2e-5).any()
 
 
-@on_a_walled_roadmap
+@of_walled([name for name in WALLED if name in ROADMAP])
 def test_agents_whose_rule_is_to_stop_do_so_where_no_neighbour_is_in_reach(survey, name):
     _, missions, states = survey(name, "walled")
     for b, agent, route, _ in routes(states):
@@ -168,7 +183,7 @@ def test_agents_whose_rule_is_to_stop_do_so_where_no_neighbour_is_in_reach(surve
         assert (roadmap.distances[here][roadmap.reachable[here]] > left - 1e-5).all()
 
 
-@pytest.mark.parametrize("name", WALLED)
+@of_walled(WALLED)
 def test_planners_keep_out_of_no_go_zones(survey, name):
     _, _, states = survey(name, "walled")
     wall = Polygon(WALL).buffer(-1e-5)

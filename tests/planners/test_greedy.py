@@ -13,7 +13,7 @@ from maipp.engine.observe import due_agent, hear, knowledge, observe
 from maipp.engine.rollout import step
 from maipp.planners.greedy import Greedy
 from maipp.planners.lookahead import predicted_trace
-from maipp.planners.roadmap.edges import edges_here
+from maipp.planners.roadmap.edges import feasible_edges
 from maipp.scenario import Scenario
 
 SCENARIO = Scenario(agents=3, budget=1.0, grid=10, nodes=25, neighbours=6)
@@ -116,9 +116,9 @@ def test_a_neighbour_whose_trace_is_not_a_number_is_not_chosen(mission, monkeypa
     scenario = SCENARIO.replace(last_leg="stop")
     saw = events(SCENARIO, Greedy(SCENARIO), mission)[0]
     observation = jax.tree.map(lambda a: a[4], saw)
-    here = edges_here(scenario, observation)
+    here = feasible_edges(scenario, observation)
     observation = eqx.tree_at(lambda o: o.remaining, observation, jnp.sort(here.lengths)[3])
-    allowed = np.asarray(edges_here(scenario, observation).allowed)
+    allowed = np.asarray(feasible_edges(scenario, observation).allowed)
     assert 1 < allowed.sum() < len(allowed)
 
     def chosen(nan):

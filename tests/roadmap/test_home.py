@@ -8,11 +8,11 @@ import shapely
 
 from maipp.errors import InputError
 from maipp.roadmap import Home, Obstacles, free_space, home_of, lengths_home
-from maipp.roadmap.home import WAYPOINTS, way_home
+from maipp.roadmap.home import WAYPOINTS, path_home
 from tests.shared.random_areas import random_area
 
 lengths_ = jax.jit(lengths_home)
-ways_ = jax.jit(jax.vmap(way_home, (None, 0)))
+ways_ = jax.jit(jax.vmap(path_home, (None, 0)))
 SQUARE = ((0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6))
 
 

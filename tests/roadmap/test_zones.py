@@ -49,7 +49,7 @@ def test_corners_keep_clear_and_ways_are_the_shortest_over_them(seed):
     free = free_space(scenario.obstacles, scenario.extent)
     obstacles = Obstacles(scenario.obstacles)
     assert (shapely.distance(obstacles.union, shapely.points(free.corners)) > 0.9 * CLEARANCE).all()
-    ways = free.ways_to(free.corners)
+    ways = free.corner_lengths_to(free.corners)
     np.testing.assert_allclose(ways, ways.T, atol=1e-9)
     offset = np.linalg.norm(free.corners[:, None] - free.corners, axis=-1)
     assert (ways >= offset - 1e-9).all()
@@ -68,7 +68,7 @@ def test_the_way_around_a_square_is_the_one_by_hand(obstacles):
     assert zones is not None
     free = free_space(scenario.obstacles, scenario.extent)
     assert len(free.corners) == 4  # the side that two zones share has none
-    (way,) = free.ways_to(np.array([[0.9, 0.5]])).T
+    (way,) = free.corner_lengths_to(np.array([[0.9, 0.5]])).T
     nearest = np.argmin(np.linalg.norm(free.corners - (0.25, 0.25), axis=1))
     assert way[nearest] == pytest.approx(0.5 + np.hypot(0.15, 0.25), abs=5 * CLEARANCE)
     # The grid's middle is in the zone.
@@ -91,7 +91,7 @@ def test_a_domain_without_free_space_has_zones_all_the_same():
 def test_arrays_are_padded_as_told():
     zones = zones_of(Scenario(obstacles=(SQUARE,)), edges=100, corners=40)
     assert zones is not None
-    assert zones.borders.begin.shape == (128, 2) and zones.ways.shape == (64, 64)
+    assert zones.borders.begin.shape == (128, 2) and zones.corner_lengths.shape == (64, 64)
     assert (np.asarray(zones.borders.length) > 0).sum() == 8
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from maipp.engine import Mission, Planner, State, draw_missions, run_missions
-from maipp.engine.score import moments_of, standing, taken_by
+from maipp.engine.score import moments_of, score_belief, taken_by
 from maipp.planners import make_planner
 from maipp.planners.lawnmower import Lawnmower
 from maipp.planners.plane.sweep import clipped_sweep
@@ -130,7 +130,7 @@ class Surveyor:
 @eqx.filter_jit
 def _trace(missions: Mission, states: State) -> Float[jax.Array, " b"]:
     return jax.vmap(
-        lambda mission, state: standing(mission, moments_of(mission, state), taken_by(state, jnp.inf)).trace
+        lambda mission, state: score_belief(mission, moments_of(mission, state), taken_by(state, jnp.inf)).trace
     )(missions, states)
 
 

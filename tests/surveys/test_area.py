@@ -9,7 +9,7 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.surveys.area import MOST_VERTICES, PlaceNames, Start, as_region, check_size, free_space
+from maipp.surveys.area import MOST_VERTICES, PlaceNames, Start, as_region, check_size, operating_area
 
 BOX = shapely.box(0, 0, 1000, 800)
 NOTHING = MultiPolygon()
@@ -21,7 +21,7 @@ def start(x, y, name="boat"):
 
 
 def space(area, no_go, *starts, clearance=0.0):
-    return free_space(area, no_go, list(starts), float(clearance), "m.yaml:1: area", NAMES)
+    return operating_area(area, no_go, list(starts), float(clearance), "m.yaml:1: area", NAMES)
 
 
 @st.composite
@@ -123,7 +123,7 @@ def test_a_passage_closes_when_the_clearance_leaves_no_room():
 
 def test_swapped_coordinates_are_noticed():
     with pytest.raises(InputError, match="with its two numbers swapped it lies inside"):
-        free_space(shapely.box(0, 5000, 1000, 6000), NOTHING, [start(5500, 500)], 0.0, "area", NAMES)
+        operating_area(shapely.box(0, 5000, 1000, 6000), NOTHING, [start(5500, 500)], 0.0, "area", NAMES)
 
 
 def test_a_coast_of_many_vertices_is_simplified():

@@ -7,7 +7,7 @@ import pytest
 
 from maipp.errors import InputError
 from maipp.surveys.joined import joined
-from maipp.surveys.survey import SampleFile
+from maipp.surveys.mission_file import SampleFile
 from tests.shared.gpx_text import gpx_text
 from tests.shared.gpx_text import track as boat_track
 

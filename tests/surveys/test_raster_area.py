@@ -5,8 +5,8 @@ import pytest
 import shapely
 
 from maipp.errors import InputError
+from maipp.surveys.mission_file import RasterArea
 from maipp.surveys.raster_area import load_area, raster_polygons
-from maipp.surveys.survey import RasterArea
 
 AXIS = np.linspace(0.0, 10.0, 41)
 RADIUS = np.hypot(AXIS[None] - 5, AXIS[:, None] - 5)

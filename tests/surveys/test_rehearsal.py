@@ -12,11 +12,11 @@ import pytest
 
 from maipp.bench.sweep.dealing import Where
 from maipp.errors import InputError
+from maipp.surveys.mission_file import Rehearsal
 from maipp.surveys.rehearsal import RehearsalResult, RehearsedTeam, rehearse, with_robots
 from maipp.surveys.rehearsal_figure import draw_rehearsal
 from maipp.surveys.rehearsal_report import markdown, rows, summary_table, to_csv, words, write_report
 from maipp.surveys.spread import spread
-from maipp.surveys.survey import Rehearsal
 from maipp.surveys.survey_io import parse_survey
 from tests.surveys.conftest import SQUARE
 

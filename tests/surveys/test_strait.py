@@ -9,8 +9,8 @@ import shapely
 from scipy.interpolate import RegularGridInterpolator
 
 from maipp.fields.mixture import evaluation_grid
-from maipp.missions import write_mission_files
 from maipp.roadmap import Obstacles
+from maipp.route_files import write_route_files
 from maipp.surveys.expected_mission import expected_mission
 from maipp.surveys.raster_area import load_area, raster_polygons
 from maipp.surveys.raster_field import raster_field
@@ -44,7 +44,7 @@ def test_routes_in_degrees_stay_on_water(elevation, tmp_path):
         dense = shapely.get_coordinates(shapely.segmentize(shapely.linestrings(route.points), 1e-3))
         assert (elevation(dense[:, ::-1]) < 0).all()
         assert (elevation(route.measurements[:, ::-1]) < 0).all()
-    names = {path.name for path in write_mission_files(plan, tmp_path)}
+    names = {path.name for path in write_route_files(plan, tmp_path)}
     assert {"heron.plan", "routes.gpx", "routes.geojson", "waypoints.csv"} <= names
     assert prepared.frame.inverted and prepared.fit is not None and prepared.fit.samples > 40
     assert prepared.scenario.threshold == pytest.approx((150 + prepared.frame.mean) / prepared.frame.std)

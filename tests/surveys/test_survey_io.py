@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maipp.errors import InputError
-from maipp.surveys.place import find_place, starts_of
+from maipp.surveys.mission_file import RasterArea
+from maipp.surveys.projected_area import find_place, starts_of
 from maipp.surveys.shapes import Drawing
-from maipp.surveys.survey import RasterArea
 from maipp.surveys.survey_io import KEYS, ROBOT_KEYS, load_survey, parse_survey
 from maipp.surveys.template import TEMPLATE
 

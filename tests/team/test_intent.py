@@ -20,7 +20,7 @@ from maipp.team import (
     fit_intent,
     fuse_intents,
     intent_density,
-    is_told,
+    is_announced,
     matrix,
     no_intent,
     symmetric_kl,
@@ -130,11 +130,11 @@ def test_equal_points_have_the_floor_in_every_direction(count):
 
 def test_no_points_say_nothing():
     intent = fit_(jnp.ones((P, 2)), jnp.zeros(P, bool))
-    assert not is_told(intent)
+    assert not is_announced(intent)
     for got, right in zip(intent, no_intent(), strict=True):
         np.testing.assert_array_equal(got, right)
     several = stack([no_intent(), gaussian(np.random.default_rng(0)), intent])
-    np.testing.assert_array_equal(is_told(several), [False, True, False])
+    np.testing.assert_array_equal(is_announced(several), [False, True, False])
     assert matrix(several).shape == (3, 2, 2)
 
 
@@ -167,7 +167,7 @@ def test_destinations_and_trajectories_of_different_lengths(seed, lengths):
     padded = jnp.asarray(np.where(mask[..., None], trajectories, np.nan))
     destination, trajectory = destination_(padded, jnp.asarray(mask)), trajectory_(padded, jnp.asarray(mask))
     if not any(lengths):
-        assert not is_told(destination) and not is_told(trajectory)
+        assert not is_announced(destination) and not is_announced(trajectory)
         return
     kept = [path[:length] for path, length in zip(trajectories, lengths, strict=True) if length]
     assert_same(exact(destination), floored([path[-1] for path in kept]))

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.errors import InputError
 from maipp.files import write_atomic
 

@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
 from tests.tools.baseline import BASELINE, compare, kernel_seconds, load_baseline, save_baseline, slower

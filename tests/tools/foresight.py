@@ -25,7 +25,7 @@ from maipp.bench.evaluate import prior_missions
 from maipp.engine import Mission, draw_missions, run_missions
 from maipp.engine.score import belief_of
 from maipp.engine.state import State
-from maipp.fields.own import as_field
+from maipp.fields.user_fields import as_field
 from maipp.foresight import Foresight, Law, make_foresight
 from maipp.foresight.learned import LearnedForesight, learned_foresight
 from maipp.markdown import markdown_table

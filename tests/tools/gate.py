@@ -15,9 +15,9 @@ from scipy.linalg import solve
 
 from maipp.belief.refit import Hyperparameters, HyperPrior
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.incremental_posterior import correlations
 from maipp.live.refits import Refits
-from maipp.live.sample import Sample
-from maipp.live.seen import correlations
+from maipp.live.scaled_measurement import ScaledMeasurement
 from maipp.typing import Float
 
 KERNEL = Hyperparameters(0.0, 1.0, 0.3, 0.0025)
@@ -29,7 +29,7 @@ RUN = 8  # values that a stuck sensor gives alike
 class World(NamedTuple):
     """What is measured, and the field on a grid."""
 
-    samples: list[Sample]
+    samples: list[ScaledMeasurement]
     grid: Float[np.ndarray, "q 2"]
     truth: Float[np.ndarray, " q"]
 
@@ -51,13 +51,18 @@ def draw(seed: int) -> World:
     field = np.linalg.cholesky(covariance) @ rng.normal(size=len(every))
     values = field[:COUNT] + KERNEL.noise**0.5 * rng.normal(size=COUNT)
     return World(
-        [Sample(time, robot, x, y, value) for (time, robot, x, y), value in zip(rows, values.tolist(), strict=True)],
+        [
+            ScaledMeasurement(time, robot, x, y, value)
+            for (time, robot, x, y), value in zip(rows, values.tolist(), strict=True)
+        ],
         grid,
         field[COUNT:],
     )
 
 
-def spoil(samples: list[Sample], kind: str, share: float, seed: int) -> tuple[list[Sample], set[int]]:
+def spoil(
+    samples: list[ScaledMeasurement], kind: str, share: float, seed: int
+) -> tuple[list[ScaledMeasurement], set[int]]:
     """The samples with a share of bad values of a kind, and which are bad."""
     rng, changed, bad = np.random.default_rng([8, seed]), [*samples], set[int]()
     if kind == "stuck":
@@ -78,7 +83,7 @@ def spoil(samples: list[Sample], kind: str, share: float, seed: int) -> tuple[li
     return changed, bad
 
 
-def error(world: World, kernel: Hyperparameters, samples: list[Sample]) -> float:
+def error(world: World, kernel: Hyperparameters, samples: list[ScaledMeasurement]) -> float:
     """Root mean square error of the map of some samples."""
     x, y = np.array([(s.x, s.y) for s in samples]), np.array([s.value for s in samples])
     covariance = kernel.std**2 * correlations(kernel, x, x) + kernel.noise * np.eye(len(x))
@@ -87,7 +92,7 @@ def error(world: World, kernel: Hyperparameters, samples: list[Sample]) -> float
     return float(np.sqrt(np.mean((mean - world.truth) ** 2)))
 
 
-def judged(samples: list[Sample], guess: float | None) -> tuple[list[bool], Hyperparameters]:
+def judged(samples: list[ScaledMeasurement], guess: float | None) -> tuple[list[bool], Hyperparameters]:
     """Which are kept out, and the kernel in the end."""
     start = KERNEL if guess is None else KERNEL._replace(length_scale=guess)
     gate = Gate(start, LEVEL, None, None if guess is None else Refits(HyperPrior(guess, KERNEL.noise)))

@@ -6,7 +6,7 @@ from pathlib import Path
 from maipp.files import write_atomic
 from maipp.markdown import filled, markdown_table
 from maipp.records import fields_of
-from maipp.surveys.survey import Kernel, RobotKeys, SampleFile, Survey
+from maipp.surveys.mission_file import KernelSpec, MissionFile, RobotKeys, SampleFile
 from maipp.surveys.survey_io import KEYS, SAMPLE_KEYS
 
 PAGE = Path(__file__).parents[2] / "docs" / "mission.md"
@@ -21,9 +21,9 @@ def with_tables(page: str) -> str:
 
 
 def _keys() -> Iterable[list[str]]:
-    for each in fields_of(Survey):
+    for each in fields_of(MissionFile):
         if each.name == "kernel":
-            yield from _rows(Kernel, "kernel.")
+            yield from _rows(KernelSpec, "kernel.")
         elif each.name in KEYS:
             yield [f"`{each.name}`", each.about["otherwise"], each.meaning]
         if each.name == "robots":

@@ -171,7 +171,7 @@ def policy_stages(missions: Any, states: Any, planner: Any) -> dict[str, tuple[C
     nobody = jnp.zeros(observation.roadmap.nodes.shape[0])
 
     def situated(seen: Any) -> Any:
-        return sampler.situation(seen, seen.at_nodes, nobody)
+        return sampler.agent_state(seen, seen.at_nodes, nobody)
 
     def sample(where: Any, insight: Any) -> Any:
         return sampler.sample(key, where, insight, paths=planner.paths, steps=planner.steps, distinct=True)

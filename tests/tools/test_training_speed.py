@@ -24,6 +24,7 @@ def test_operations_are_those_of_the_matrix_products():
     assert large - 2 * small == pytest.approx(square - constant)
 
 
+@pytest.mark.slow
 def test_a_phase_is_timed_in_parts():
     speed = training_speed(TINY, "reinforce", repeat=1)
     assert speed.phase == "reinforce" and speed.sampling > 0 and speed.gradients > 0 and speed.peak_share > 0

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import tyro
 
 from maipp.bench.command import machines
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.devices import missions_devices, use_all_cores
 from maipp.errors import InputError
 from maipp.markdown import markdown_table

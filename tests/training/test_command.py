@@ -11,7 +11,7 @@ from rich.console import Console
 
 from maipp.cli import train as command
 from maipp.cli.main import main
-from maipp.cli.train import Train, _shown
+from maipp.cli.train import TrainFlags, _shown
 from maipp.errors import InputError
 from maipp.training import train as loop
 from maipp.training.config import NAMED, TrainConfig
@@ -61,7 +61,7 @@ def test_divergence_exits_with_two(small, fake, tmp_path, capsys, monkeypatch):
 
 def test_an_interrupt_exits_with_130(small, tmp_path, capsys, monkeypatch):
     def interrupted(*args, **kwargs):
-        record = loop.Record(update=2)
+        record = loop.RunProgress(update=2)
         return loop.TrainResult(record, True, tmp_path / "checkpoints" / "000002")
 
     monkeypatch.setattr(command, "train", interrupted)
@@ -73,16 +73,16 @@ def test_the_configuration_that_the_flags_name(tmp_path):
     def named(flags):
         return flags.configuration(POLICY)
 
-    assert named(Train(out=tmp_path)) == NAMED["default"]
-    assert named(Train(out=tmp_path, resume=True)) == NAMED["default"]
-    assert named(Train(out=tmp_path, config="paper", settings=(("seed=1",), ("clip=0.1", "value=1")))) == NAMED[
+    assert named(TrainFlags(out=tmp_path)) == NAMED["default"]
+    assert named(TrainFlags(out=tmp_path, resume=True)) == NAMED["default"]
+    assert named(TrainFlags(out=tmp_path, config="paper", settings=(("seed=1",), ("clip=0.1", "value=1")))) == NAMED[
         "paper"
     ].replace(seed=1, clip=0.1, value=1.0)
     (tmp_path / "config.yaml").write_text(dump_config(TrainConfig(seed=9)))
-    assert named(Train(out=tmp_path, resume=True)).seed == 9
-    assert named(Train(out=tmp_path)).seed == 0
+    assert named(TrainFlags(out=tmp_path, resume=True)).seed == 9
+    assert named(TrainFlags(out=tmp_path)).seed == 0
     with pytest.raises(InputError, match="--set: sed: no such key"):
-        named(Train(out=tmp_path, settings=(("sed=1",),)))
+        named(TrainFlags(out=tmp_path, settings=(("sed=1",),)))
 
 
 def test_progress_is_a_line_now_and_then(tmp_path):

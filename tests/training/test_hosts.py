@@ -17,7 +17,7 @@ from maipp.training import hosts as module
 from maipp.training.checkpoint import checkpoints, save_checkpoint
 from maipp.training.config_io import config_to_dict, dump_config
 from maipp.training.hosts import from_host, hosts_of, join_hosts, to_host
-from maipp.training.journal import read_log
+from maipp.training.training_log import read_log
 
 SCRIPT = Path(__file__).with_name("tiny_run.py")
 FAKE_HOSTS = Path(__file__).with_name("fake_hosts.py")

@@ -9,7 +9,7 @@ import pytest
 from maipp.policy import Memory, PolicyNetwork, Prepared
 from maipp.roadmap import Roadmap
 from maipp.training.config import TrainConfig
-from maipp.training.losses import Sample, sample_loss
+from maipp.training.losses import PolicyExample, sample_loss
 from maipp.training.rollout import Transition
 from maipp.training.search import Elites
 from maipp.training.worlds import Bank
@@ -71,7 +71,7 @@ def sample(
         stopped=jnp.asarray(False),
         ended=jnp.asarray(False),
     )
-    return Sample(transition, jnp.float32(advantage), jnp.float32(target), jnp.asarray(valid))
+    return PolicyExample(transition, jnp.float32(advantage), jnp.float32(target), jnp.asarray(valid))
 
 
 BANK = bank()

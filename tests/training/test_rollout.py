@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.training import rollout
 from maipp.training.config import TrainConfig
 from maipp.training.learner import Learner
 from maipp.training.losses import ask
-from maipp.training.rollout import Environment, roll_out, step
+from maipp.training.rollout import RolloutState, roll_out, step
 from maipp.training.teacher import Lesson
 from maipp.training.worlds import mission_of
 
@@ -168,7 +168,7 @@ def test_a_choice_is_drawn_from_the_lesson_as_often_as_follow_says(learner, envi
     Half of them follow it. The policy's own share of these two is known, so both counts are binomial.
     """
     draws = 512
-    environment: Environment = jax.tree.map(lambda a: a[0], environments)
+    environment: RolloutState = jax.tree.map(lambda a: a[0], environments)
     choice = jnp.zeros(learner.scenario.neighbours).at[0].set(0.25).at[2].set(0.75)
     monkeypatch.setattr(rollout, "teach", lambda *args: Lesson(choice, jnp.arange(4.0)))
     planner = learner.planner(learner.initial().network, "imitate")
@@ -204,14 +204,14 @@ def test_the_trace_is_that_of_the_agent_s_own_belief(learner, environments):
     With a threshold of 0.9 the area leaves out what lies around the first measurements already.
     """
     scenario, planner = learner.scenario, learner.planner(learner.initial().network)
-    environment: Environment = jax.tree.map(lambda a: a[0], environments)
+    environment: RolloutState = jax.tree.map(lambda a: a[0], environments)
     params = dataclasses.replace(environment.world.params, threshold=jnp.float32(0.9))
     environment = environment._replace(world=environment.world._replace(params=params))
 
     @eqx.filter_jit
     def decide(environment, key):
         mission = mission_of(learner.config, learner.bank, environment.world)
-        observation = turn(mission, environment.state)[2]
+        observation = begin_event(mission, environment.state)[2]
         after, transition = step(CONFIG, scenario, planner, learner.bank, environment, key, "reinforce", 0.0)
         return after, transition.trace, observation, mission.grid
 

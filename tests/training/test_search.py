@@ -9,12 +9,12 @@ import numpy as np
 import optax
 import pytest
 
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.errors import InputError
 from maipp.policy import load_policy
 from maipp.training.config import NAMED, TrainConfig
 from maipp.training.learner import Learner, _schedule
-from maipp.training.losses import Sample, sample_loss
+from maipp.training.losses import PolicyExample, sample_loss
 from maipp.training.rollout import roll_out
 from maipp.training.search import find_elites, surprise
 from maipp.training.worlds import agent_roadmap, mission_of
@@ -78,7 +78,7 @@ def test_the_best_path_leaves_the_lowest_trace_of_all_sampled(learner, searched)
     @eqx.filter_jit
     def decide(planner, environment):
         mission = mission_of(learner.config, learner.bank, environment.world)
-        after, agent, observation = turn(mission, environment.state)
+        after, agent, observation = begin_event(mission, environment.state)
         roadmap = agent_roadmap(learner.bank, environment.world, agent)
         observation = dataclasses.replace(observation, roadmap=roadmap)
         memory = jax.tree.map(lambda a: a[agent], after.memory)
@@ -121,7 +121,7 @@ def test_gradient_steps_make_the_elites_likelier(learner, searched):
     planner, transitions = searched
     flat = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), transitions)
     count = flat.index.shape[0]
-    samples = Sample(flat, jnp.zeros(count), jnp.zeros(count), jnp.zeros(count, bool))
+    samples = PolicyExample(flat, jnp.zeros(count), jnp.zeros(count), jnp.zeros(count, bool))
 
     @eqx.filter_jit
     def loss(network):

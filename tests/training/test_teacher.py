@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.planners.paths.view import PolicyView
-from maipp.planners.roadmap.edges import edges_here
+from maipp.planners.roadmap.edges import feasible_edges
 from maipp.planners.search.optimiser import Finalists
 from maipp.planners.search.plan_search import PlanSearch
 from maipp.roadmap import Roadmap
@@ -39,7 +39,7 @@ def seen():
     planner = learner.planner(state.network)
     environment = jax.tree.map(lambda a: a[0, 0], state.shards.environments)
     mission = mission_of(learner.config, learner.bank, environment.world)
-    state, agent, observation = turn(mission, environment.state)
+    state, agent, observation = begin_event(mission, environment.state)
     roadmap = agent_roadmap(learner.bank, environment.world, agent)
     return planner, dataclasses.replace(observation, roadmap=roadmap)
 
@@ -58,7 +58,7 @@ def star(seen):
 
 def lesson_of(planner, observation, allowed, plan, key) -> Lesson:
     """What the teacher would do there, were only these of the edges allowed."""
-    here = edges_here(planner.scenario, observation)
+    here = feasible_edges(planner.scenario, observation)
     unread: dict[str, Any] = dict.fromkeys(PolicyView._fields)
     edges = {"node": here.node, "neighbours": here.target_nodes, "allowed": here.allowed & jnp.asarray(allowed)}
     return teach(planner.scenario, key, observation, observation.belief, PolicyView(**unread | edges), plan)

@@ -17,8 +17,8 @@ from maipp.policy import load_weights
 from maipp.training import train as loop
 from maipp.training.checkpoint import checkpoints, load_latest
 from maipp.training.hosts import to_host
-from maipp.training.journal import read_log
 from maipp.training.train import DivergedError, train
+from maipp.training.training_log import read_log
 
 FAKE_RUN = Path(__file__).with_name("fake_run.py")
 

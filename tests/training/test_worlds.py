@@ -12,7 +12,8 @@ from maipp.fields.mixture import GaussianMixture, evaluation_grid
 from maipp.roadmap import Obstacles
 from maipp.training.config import TrainConfig
 from maipp.training.learner import Learner
-from maipp.training.rollout import Environment, new_environment, step
+from maipp.training.random_zones import random_zones
+from maipp.training.rollout import RolloutState, new_environment, step
 from maipp.training.worlds import (
     TRAINING_SEEDS,
     agent_roadmap,
@@ -23,7 +24,6 @@ from maipp.training.worlds import (
     training_scenario,
     turned,
 )  # fmt: skip
-from maipp.training.zones import random_zones
 
 # Where (0.1, 0.3) goes: bit 0 swaps x and y, then bit 1 mirrors x, bit 2 mirrors y.
 IMAGES = [(0.1, 0.3), (0.3, 0.1), (0.9, 0.3), (0.7, 0.1), (0.1, 0.7), (0.3, 0.9), (0.9, 0.7), (0.7, 0.9)]
@@ -106,7 +106,7 @@ def test_a_turned_world_looks_the_same_but_turned(learner, blind):
             leg=jnp.broadcast_to(start[:, None], drawn.state.leg.shape),
             route=drawn.state.route.at[:, 0].set(start),
         )
-        seen.append(jax.tree.map(np.asarray, play(blind, Environment(world, state, drawn.plans), keys)))
+        seen.append(jax.tree.map(np.asarray, play(blind, RolloutState(world, state, drawn.plans), keys)))
     first = seen[0]
     assert first.features[2:, :, 4].any() and not first.ended.any() and np.ptp(first.trace) > 50
     for symmetry, other in enumerate(seen):

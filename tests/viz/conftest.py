@@ -36,14 +36,19 @@ def bump(points: np.ndarray) -> np.ndarray:
     return np.exp(-20 * ((points - [0.4, 0.3]) ** 2).sum(axis=-1)).astype(np.float32)
 
 
-@pytest.fixture(scope="session")
-def episode() -> Episode:
+def by_hand() -> Episode:
+    """The survey."""
     x, y = np.linspace(0, 1.0, 9), np.linspace(0, 0.5, 9)
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     agents = (agent((0.8, 0.2)), agent((0.1, 0.48)))
     inside = np.ones(81, bool)
     inside[-20:] = False
     return Episode(SCENARIO, "by-hand", {}, 0, 0, agents, bump(grid), inside, 0)
+
+
+@pytest.fixture(scope="session")
+def episode() -> Episode:
+    return by_hand()
 
 
 @pytest.fixture(scope="session")

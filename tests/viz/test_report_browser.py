@@ -9,8 +9,8 @@ from PIL import Image
 
 from maipp.engine.episode import Episode
 from maipp.scenario import Scenario
-from maipp.team.told import Told
-from maipp.viz.report import SurveyReport, write_report
+from maipp.team.broadcast import Broadcast
+from maipp.viz.report import Foreseen, SurveyReport, write_report
 from tests.shared.chromium import CHROMIUM, FLAGS, MARKS
 
 pytest.importorskip("plotly")
@@ -84,9 +84,9 @@ def full(episode, mapping):
     nothing = np.full(2, np.nan), np.full(3, np.nan)
     places = np.array([[0.4, 0.15], [0.6, 0.2]])
     told = (
-        Told(0, 0.0, np.array([0.5, 0.2]), np.array([0.01, 0.0, 0.004]), np.empty((0, 2)), np.empty(0)),
-        Told(1, 0.0, *nothing, places, np.array([0.1, 0.3])),
-        Told(0, float(episode.end), *nothing, np.empty((0, 2)), np.empty(0)),
+        Broadcast(0, 0.0, np.array([0.5, 0.2]), np.array([0.01, 0.0, 0.004]), np.empty((0, 2)), np.empty(0)),
+        Broadcast(1, 0.0, *nothing, places, np.array([0.1, 0.3])),
+        Broadcast(0, float(episode.end), *nothing, np.empty((0, 2)), np.empty(0)),
     )
     return SurveyReport(
         dataclasses.replace(
@@ -99,8 +99,9 @@ def full(episode, mapping):
         no_go=(np.array([[11.4, 60.3], [11.7, 60.3], [11.5, 60.4]]),),
         prior_x=np.array([[10.5, 60.2], [11.0, 60.1]]),
         prior_y=np.array([25.0, 15.0]),
-        told=told,
+        broadcasts=told,
         warnings=(NASTY,),
+        foreseen=Foreseen("fitted", episode.truth, np.linspace(0.0, 0.2, 81)),
     )
 
 
@@ -112,9 +113,19 @@ def visit(browser, full, tmp_path_factory):
 
 
 def test_everything_is_drawn(visit):
-    for plot in ("map-mean", "map-std", "map-area", "map-truth", "curve-trace", "curve-rmse"):
+    for plot in (
+        "map-mean",
+        "map-std",
+        "map-area",
+        "map-truth",
+        "map-foreseen",
+        "map-foreseen-std",
+        "curve-trace",
+        "curve-rmse",
+    ):
         assert visit.page.locator(f"#{plot} svg.main-svg").count() >= 1
     assert visit.colours("map-mean") > 300 and visit.colours("map-truth") > 300 and visit.colours("map-std") > 100
+    assert visit.colours("map-foreseen") > 300 and visit.colours("map-foreseen-std") > 100
     assert visit.colours("map-area") > 20 and visit.colours("curve-trace") > 10
     # A heat map is an image; the rest are paths.
     assert visit.page.locator("#map-mean .heatmaplayer image").count() == 1
@@ -234,7 +245,7 @@ def test_a_phone_shows_all_of_it_in_one_column(browser, full, tmp_path):
     lefts = phone.page.evaluate(
         "[...document.querySelectorAll('#maps figure')].map(f => f.getBoundingClientRect().left)"
     )
-    assert len(lefts) == 4 and len(set(lefts)) == 1
+    assert len(lefts) == 6 and len(set(lefts)) == 1
     phone.clean()
 
 

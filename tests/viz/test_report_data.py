@@ -12,11 +12,11 @@ from hypothesis.extra import numpy as hnp
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.viz.report_data import INTENT_SHARE, packed, page_data
 from maipp.viz.report_frames import frames_of
 from maipp.viz.report_grid import map_grid
-from maipp.viz.report_survey import SurveyReport
+from maipp.viz.report_survey import Foreseen, SurveyReport
 
 
 def data_of(report):
@@ -100,11 +100,22 @@ def test_without_a_truth_there_is_none(episode):
     assert set(data["frames"]["rmse"]) == {None}
 
 
+def test_a_foresight_s_map_is_drawn_in_the_user_s_units(episode, mapping):
+    seen = Foreseen("fitted", np.linspace(0.0, 1.25, 81), np.linspace(0.2, 0.1, 81))
+    data = data_of(SurveyReport(dataclasses.replace(episode, reference=mapping), foreseen=seen))
+    mean = mapping.to_user_values(seen.mean).reshape(9, 9).T
+    np.testing.assert_allclose(unpacked(data["foreseen"]["mean"], (1, 9, 9))[0], mean, atol=1e-3)
+    std = mapping.to_user_std(seen.std).reshape(9, 9).T
+    np.testing.assert_allclose(unpacked(data["foreseen"]["std"], (1, 9, 9))[0], std, atol=1e-3)
+    assert data["limits"]["value"][0] == pytest.approx(mean.min())
+    assert data_of(SurveyReport(episode))["foreseen"] is None
+
+
 def test_an_intent_is_an_ellipse_that_holds_most_of_it(episode):
     rng = np.random.default_rng(0)
     mean, covariance = np.array([0.4, 0.2]), np.array([[0.02, 0.008], [0.008, 0.01]])
-    told = Told(1, 0.0, mean, covariance[[0, 0, 1], [0, 1, 1]], np.empty((0, 2)), np.empty(0))
-    data = data_of(SurveyReport(episode, told=(told,)))
+    told = Broadcast(1, 0.0, mean, covariance[[0, 0, 1], [0, 1, 1]], np.empty((0, 2)), np.empty(0))
+    data = data_of(SurveyReport(episode, broadcasts=(told,)))
     ellipse = data["told"][0]["ellipse"]
     ring = np.stack([ellipse["x"], ellipse["y"]], -1)
     from matplotlib.path import Path
@@ -116,8 +127,8 @@ def test_an_intent_is_an_ellipse_that_holds_most_of_it(episode):
 
 def test_announced_places_are_kept_with_their_times(episode):
     nothing = np.full(2, np.nan), np.full(3, np.nan)
-    told = Told(0, 0.0, *nothing, np.array([[0.2, 0.2], [0.3, 0.3], [9, 9]]), np.array([0.1, 0.2, np.inf]))
-    entry = data_of(SurveyReport(episode, told=(told,), seconds_per_time=60.0))["told"][0]
+    told = Broadcast(0, 0.0, *nothing, np.array([[0.2, 0.2], [0.3, 0.3], [9, 9]]), np.array([0.1, 0.2, np.inf]))
+    entry = data_of(SurveyReport(episode, broadcasts=(told,), seconds_per_time=60.0))["told"][0]
     assert entry == {"ellipse": None, "places": {"x": [0.2, 0.3], "y": [0.2, 0.3], "time": [6.0, 12.0]}}
 
 
@@ -138,7 +149,8 @@ def test_prior_samples_are_shown(episode):
         ({"prior_x": np.zeros((1, 2)), "prior_y": np.zeros(2)}, r"shapes \(1, 2\) and \(2,\)"),
         ({"area": np.zeros((2, 2))}, r"area: shape \(2, 2\); give \(v, 2\)"),
         ({"no_go": (np.full((3, 2), np.nan),)}, r"no_go\[0\]: shape"),
-        ({"told": (Told(2, 0.0, *[np.zeros(2)] * 4),)}, "told: robot 2 of 2"),
+        ({"foreseen": Foreseen("fitted", np.zeros(81), np.zeros(9))}, r"foreseen: shapes \(81,\) and \(9,\)"),
+        ({"broadcasts": (Broadcast(2, 0.0, *[np.zeros(2)] * 4),)}, "broadcasts: robot 2 of 2"),
     ],
 )
 def test_facts_that_contradict_are_told_in_one_line(episode, facts, message):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.viz.report_frames import MOST_FRAMES, frame_times, frames_of, standing
 from maipp.viz.report_grid import map_grid
 from maipp.viz.report_survey import SurveyReport
@@ -51,7 +51,7 @@ def test_without_a_truth_nothing_is_said_of_errors(episode):
 
 
 def told(agent, time):
-    return Told(agent, time, np.zeros(2), np.array([0.01, 0.0, 0.01]), np.empty((0, 2)), np.empty(0))
+    return Broadcast(agent, time, np.zeros(2), np.array([0.01, 0.0, 0.01]), np.empty((0, 2)), np.empty(0))
 
 
 def test_what_was_told_stands_until_something_else_is():

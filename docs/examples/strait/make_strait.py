@@ -16,7 +16,7 @@ from matplotlib.cbook import get_sample_data
 from maipp.fields.raster import load_raster
 from maipp.files import atomic_path, write_atomic
 from maipp.surveys.raster_area import raster_polygons
-from maipp.surveys.survey import RasterArea
+from maipp.surveys.mission_file import RasterArea
 
 HERE = Path(__file__).parent
 WEST, EAST, SOUTH, NORTH = -125.0, -122.95, 48.85, 50.0  # degrees

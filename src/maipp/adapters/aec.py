@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from pettingzoo import AECEnv
 
+from maipp.adapters.base_env import RENDER_MODES, BaseSurveyEnv
 from maipp.adapters.compiled import Sight, told
 from maipp.adapters.packed import Words
-from maipp.adapters.survey import RENDER_MODES, Survey
 
 
-class SurveyAEC(Survey, AECEnv):  # type: ignore[misc]  # both declare what the other defines
+class SurveyAEC(BaseSurveyEnv, AECEnv):  # type: ignore[misc]  # both declare what the other defines
     """One step is one decision of the agent that is due, which is the one that arrives first.
 
     An agent whose budget is spent is terminated when it arrives; its last step is None, as PettingZoo asks for.

@@ -16,10 +16,10 @@ from maipp.adapters.kernels import OPTIONS, few_kernels
 from maipp.adapters.packed import Packing, Words, real, word
 from maipp.engine.mission import Mission
 from maipp.engine.reward import final_reward
+from maipp.environments.agent_observation import AgentObservation, act, observe_agent, observe_agents
 from maipp.environments.environment import Environment, EnvObservation, EnvState, Info
-from maipp.environments.together import Seen, act, look, look_all
+from maipp.environments.global_state import global_state
 from maipp.environments.view import Graph
-from maipp.environments.whole import whole_state
 from maipp.problem import Shape
 
 # Numbers behind the vector and the mask of each row that comes back.
@@ -71,7 +71,7 @@ def _of_turn(rules: Environment, seen: Any, gained: Any, info: Info) -> Rows:
     return _row(seen.vector, allowed, *numbers), seen.graph
 
 
-def _of_seen(rules: Environment, agent: Any, seen: Seen, replaced: Any) -> Rows:
+def _of_seen(rules: Environment, agent: Any, seen: AgentObservation, replaced: Any) -> Rows:
     """An agent's row that is due, or is looked at only."""
     view, final = seen.view, final_reward(rules.kind, seen.view.trace)
     stuck = ~view.allowed.any() & seen.due
@@ -83,7 +83,7 @@ def _of_seen(rules: Environment, agent: Any, seen: Seen, replaced: Any) -> Rows:
     return _row(vector, view.allowed, *numbers), view.graph
 
 
-class Kinds(NamedTuple):
+class EnvPackings(NamedTuple):
     """What the packed world and survey are; hashable."""
 
     shape: Shape
@@ -115,7 +115,7 @@ def _bare(state: EnvState) -> EnvState:
 
 def kinds_of(
     rules: Environment, shape: Shape, parts: dict[str, Any], seen: EnvObservation, agents: int | None = None
-) -> Kinds:
+) -> EnvPackings:
     """The kinds of this world, from `mission_parts`, and of surveys in it.
 
     `seen` has shapes and types of an observation; with `agents` there are so many rows, else one.
@@ -126,7 +126,7 @@ def kinds_of(
 
     row = Packing.of((_row_shape(seen), seen.graph))
     rows = row if agents is None else row._replace(parts=tuple(((agents, *size), kind) for size, kind in row.parts))
-    return Kinds(shape, Packing.of(parts), Packing.of(jax.eval_shape(begun, parts)), row, rows)
+    return EnvPackings(shape, Packing.of(parts), Packing.of(jax.eval_shape(begun, parts)), row, rows)
 
 
 def _row_shape(seen: EnvObservation) -> jax.ShapeDtypeStruct:
@@ -139,7 +139,7 @@ class Calls:
     A choice is an agent's action, whether it acts, and whether it stops instead: one array, of reals for waypoints.
     """
 
-    def __init__(self, rules: Environment, kinds: Kinds) -> None:
+    def __init__(self, rules: Environment, kinds: EnvPackings) -> None:
         self.rules, self.kinds = rules, kinds
         compile_few = partial(jax.jit, compiler_options=OPTIONS)
         self.hold: Callable[..., Words] = jax.jit(jnp.copy)  # on the device: `device_put` takes several times as long
@@ -168,19 +168,19 @@ class Calls:
     def _glance(self, now: Words, world: Words, agent: Any) -> Words:
         """The row of what one agent would see now."""
         state, params = self.kinds.open(now, world)
-        return self.kinds.row.pack(_of_seen(self.rules, agent, look(self.rules, state, agent, params), False))
+        return self.kinds.row.pack(_of_seen(self.rules, agent, observe_agent(self.rules, state, agent, params), False))
 
     def _together(self, now: Words, world: Words, choices: Any) -> Words:
         """Those who act set off or stop; then everybody's row when the next one arrives. `choices` are of all."""
         state, params = self.kinds.open(now, world)
         state, replaced = act(self.rules, state, *_chosen(choices), params)
-        state, seen = look_all(self.rules, state, params)
+        state, seen = observe_agents(self.rules, state, params)
         rows = jax.vmap(partial(_of_seen, self.rules))(jnp.arange(params.shape.agents), seen, replaced)
         return self.kinds.close(rows, state)
 
 
 @cache
-def calls_of(rules: Environment, kinds: Kinds) -> Calls:
+def calls_of(rules: Environment, kinds: EnvPackings) -> Calls:
     """The compiled calls, the same for all environments: to find them by their keys at each step takes longer."""
     return Calls(rules, kinds)
 
@@ -192,19 +192,19 @@ def _chosen(choice: Any) -> tuple[Any, Any, Any]:
 
 
 @partial(jax.jit, static_argnums=0)
-def whole(kinds: Kinds, now: Words, world: Words, time: Any) -> Any:
+def whole(kinds: EnvPackings, now: Words, world: Words, time: Any) -> Any:
     """The global state at this time."""
     state, params = kinds.open(now, world)
-    return whole_state(state, time, params)
+    return global_state(state, time, params)
 
 
 @partial(jax.jit, static_argnums=0)
-def opened(kinds: Kinds, now: Words, world: Words) -> EnvState:
+def opened(kinds: EnvPackings, now: Words, world: Words) -> EnvState:
     """The state in its parts."""
     return kinds.open(now, world)[0]
 
 
-def told(kinds: Kinds, words: Words, size: int) -> Sight:
+def told(kinds: EnvPackings, words: Words, size: int) -> Sight:
     """What an agent was told, on the host, from the words of its row; `size` numbers are the vector's."""
     numbers, graph = _rows(kinds.row, words)
     return _sight(
@@ -212,7 +212,7 @@ def told(kinds: Kinds, words: Words, size: int) -> Sight:
     )
 
 
-def told_all(kinds: Kinds, words: Words, size: int) -> list[Sight]:
+def told_all(kinds: EnvPackings, words: Words, size: int) -> list[Sight]:
     """What every agent was told, on the host."""
     rows, graphs = _rows(kinds.rows, words)
     vectors, allowed = rows[:, :size].astype(np.float32), rows[:, size : -len(NUMBERS)] > 0

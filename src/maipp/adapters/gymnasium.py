@@ -12,10 +12,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from maipp.adapters.base_env import RENDER_MODES, BaseSurveyEnv
 from maipp.adapters.compiled import Sight, told
 from maipp.adapters.packed import Words
 from maipp.adapters.spaces import OBSERVATIONS, action_space, masked, observation_space
-from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.devices import keep_compiled, refuse_fork
 from maipp.engine.mission import Mission
 from maipp.environments.environment import Environment, EnvObservation, Info
@@ -26,7 +26,7 @@ from maipp.seeds import check_seed
 from maipp.typing import Keys
 
 
-class SurveyEnv(Survey, gymnasium.Env):  # type: ignore[misc]  # both declare what the other defines
+class SurveyEnv(BaseSurveyEnv, gymnasium.Env):  # type: ignore[misc]  # both declare what the other defines
     """One team as one learner: a step is the decision of the robot that is due. Options as for PettingZoo.
 
     Rewards of robots whose survey ends meanwhile are in the step that leads there. `action_masks()` is what sb3-contrib

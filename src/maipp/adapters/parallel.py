@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 from pettingzoo import ParallelEnv
 
+from maipp.adapters.base_env import RENDER_MODES, BaseSurveyEnv
 from maipp.adapters.compiled import Sight, told_all
 from maipp.adapters.packed import Words
-from maipp.adapters.survey import RENDER_MODES, Survey
 from maipp.errors import InputError
 from maipp.roadmap import SHORTEST_LEG
 
 Answer = tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]
 
 
-class SurveyParallel(Survey, ParallelEnv):  # type: ignore[misc]  # both declare what the other defines
+class SurveyParallel(BaseSurveyEnv, ParallelEnv):  # type: ignore[misc]  # both declare what the other defines
     """Agents that have arrived act together; those under way are given the mask that allows only to wait.
 
     Neighbour actions have one more index than neighbours, the last: wait. What an agent under way answers is not read.

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.belief.kernel import Kernel
-from maipp.belief.tiles import Survey, tile_moments
+from maipp.belief.tiles import OrderedMeasurements, tile_moments
 from maipp.typing import Array, Bool, Float, Int
 
 # The nugget is multiplied by this until the factor is finite: near-duplicate measurements in float32 need it. Where it
@@ -43,7 +43,7 @@ class Belief(eqx.Module):
     noise: Float[Array, ""]  # noise variance actually used
     extra_noise: Float[Array, " n"] | None = None  # what that of each measurement exceeds it by; None: nothing
     # Of a belief whose slots hold only a part of what is known (`belief/window.py`), else None:
-    survey: Survey | None = None  # all of it
+    survey: OrderedMeasurements | None = None  # all of it
     shrink: Float[Array, " q"] | None = None  # std at the query points given all of it, over that given the slots
     window: int = eqx.field(static=True, default=0)  # slots that hold the part; virtual measurements come after them
 
@@ -84,7 +84,7 @@ class Belief(eqx.Module):
         return rows if self.shrink is None else rows * self.shrink
 
 
-def _with_survey(belief: Belief, survey: Survey) -> Belief:
+def _with_survey(belief: Belief, survey: OrderedMeasurements) -> Belief:
     """A belief on a window of the survey, its mean, variance and `shrink` made those of the whole survey."""
     part, virtual = belief.whitened_query[: belief.window], belief.whitened_query[belief.window :]
     values = belief.whitened_values
@@ -195,7 +195,7 @@ def condition(
 
 def condition_window(
     kernel: Kernel,
-    survey: Survey,
+    survey: OrderedMeasurements,
     slots: Int[Array, " r"],
     query: Float[Array, "q 2"],
 ) -> Belief:

@@ -24,7 +24,7 @@ _MARGIN = 0.2
 _NUGGETS = (1e-6, 1e-4)
 
 
-class Survey(NamedTuple):
+class OrderedMeasurements(NamedTuple):
     """All that has been measured, with the order to thin it by."""
 
     x: Float[Array, "n 2"]  # measured positions, domain units
@@ -41,9 +41,9 @@ def survey_of(
     mask: Bool[Array, " n"],
     noise: float | Float[Array, ""],
     extra_noise: Float[Array, " n"] | None = None,
-) -> Survey:
+) -> OrderedMeasurements:
     """The survey with these measurements."""
-    return Survey(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype), extra_noise)
+    return OrderedMeasurements(x, y, mask, spacing(x, mask), jnp.asarray(noise, x.dtype), extra_noise)
 
 
 def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
@@ -57,7 +57,7 @@ def tile_index(points: Float[Array, "p 2"], side: int) -> Int[Array, "t c"]:
 
 
 def tile_moments(
-    kernel: Kernel, survey: Survey, points: Float[Array, "p 2"]
+    kernel: Kernel, survey: OrderedMeasurements, points: Float[Array, "p 2"]
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Posterior mean and variance at the points, each given the measurements that tell most of its tile.
 
@@ -80,7 +80,7 @@ def tile_moments(
 
 
 def _predict(
-    kernel: Kernel, survey: Survey, tile: Float[Array, "c 2"], count: int
+    kernel: Kernel, survey: OrderedMeasurements, tile: Float[Array, "c 2"], count: int
 ) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Mean and variance at the points of one tile, given `count` of the measurements."""
     low, high = jnp.min(tile, axis=0), jnp.max(tile, axis=0)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from maipp.bench.evaluate import evaluate, prior_missions, refuse_values, scored
-from maipp.bench.made_by import machine, planner_fingerprint, versions
+from maipp.bench.provenance import machine, planner_fingerprint, versions
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
 from maipp.bench.sweep.jobs import digest
-from maipp.bench.tables import Part, Row, Sample, TableSpec
+from maipp.bench.tables import Row, SampleSize, TablePart, TableSpec
 from maipp.errors import InputError
 from maipp.files import make_folder, write_atomic
 from maipp.planners import make_planner
@@ -155,14 +155,14 @@ class Cell:
 Report = Callable[[Cell, int, int, bool], None]
 
 
-def cell(table: TableSpec, part: Part, row: Row, column: float, sample: Sample) -> Cell:
+def cell(table: TableSpec, part: TablePart, row: Row, column: float, sample: SampleSize) -> Cell:
     """The cell of a row in a column."""
     trials = min(sample.trials, row.trials or sample.trials)
     scenario, shape = table.scenario(part, column), table.shape(part)
     return Cell(row, scenario, sample.instances, trials, sample.seed, shape, table.worlds)
 
 
-def cells(table: TableSpec, rows: Sequence[Row], sample: Sample) -> Iterator[Cell]:
+def cells(table: TableSpec, rows: Sequence[Row], sample: SampleSize) -> Iterator[Cell]:
     """All cells of these rows, those that share a compilation next to each other."""
     for part in table.parts:
         for row in rows:

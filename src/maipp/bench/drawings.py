@@ -15,7 +15,7 @@ from maipp.bench.evaluate import summarise
 from maipp.bench.frame import grids, grouped
 from maipp.bench.intents import KINDS, SampledPaths, Stability
 from maipp.bench.page import METRICS
-from maipp.bench.tables import Part, TableSpec
+from maipp.bench.tables import TablePart, TableSpec
 from maipp.files import atomic_path
 from maipp.team import Intent, intent_density
 from maipp.typing import Float
@@ -97,7 +97,7 @@ def draw_table(table: TableSpec, frame: pd.DataFrame) -> Figure:
     return figure
 
 
-def _draw_part(axes: Axes, table: TableSpec, part: Part, missions: pd.DataFrame, names: Sequence[str]) -> None:
+def _draw_part(axes: Axes, table: TableSpec, part: TablePart, missions: pd.DataFrame, names: Sequence[str]) -> None:
     """The marks of all rows of a part."""
     paper = {row.name: part.printed.get(row.paper or "", {}) for row in table.rows}
     for (row, column), values in grids(missions, table.metric).items():

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Matern32
-from maipp.bench.made_by import machine, planner_fingerprint, versions
+from maipp.bench.provenance import machine, planner_fingerprint, versions
 from maipp.devices import missions_devices
 from maipp.engine import Mission, Planner, draw_missions, run_missions
 from maipp.engine.decision_time import DecisionTime, decision_time
@@ -27,7 +27,7 @@ from maipp.fields.gp_field import draw_fields
 from maipp.fields.raster import Raster, read_field
 from maipp.foresight import Foresight, ForesightName, make_foresight
 from maipp.foresight.map_scores import map_scores
-from maipp.planners.given import AnyPlanner, given_planner
+from maipp.planners.any_planner import AnyPlanner, given_planner
 from maipp.planners.options import values_of
 from maipp.problem import Shape, params_of, shape_of
 from maipp.scenario import Scenario

@@ -13,7 +13,7 @@ from jax import lax
 from maipp.bench.command import command, flags_of, footer, wall_time
 from maipp.bench.drawings import draw_curves, draw_intents, draw_stability, save_figure
 from maipp.bench.intents import KINDS, Stability, measure, sampled_paths, stability_table, verdicts
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.bench.tables import TABLES, Row
 from maipp.bench.tidy_csv import compressed, csv_text, short
 from maipp.engine import Mission, State, run_missions
@@ -36,7 +36,7 @@ Told = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Plan:
+class FigurePlan:
     """What to draw."""
 
     scenario: Scenario = Scenario()
@@ -45,7 +45,7 @@ class Plan:
     rows: tuple[Row, ...] = tuple(row for row in TABLES["table1"].chosen(()) if row.quick)  # of the curves
 
 
-def write_figures(plan: Plan, folder: Path, told: Told = lambda _: None) -> list[Path]:
+def write_figures(plan: FigurePlan, folder: Path, told: Told = lambda _: None) -> list[Path]:
     """Draw everything into the folder, made if need be; gives the paths. `told` hears what is being worked on.
 
     Raises `InputError` where a file cannot be written.
@@ -98,7 +98,7 @@ def _traces(missions: Mission, states: State, times: Float[Array, " d"]) -> Floa
     return lax.map(lambda pair: trace_over_time(pair[0], pair[1], times), (missions, states))
 
 
-def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: float) -> str:
+def figures_page(plan: FigurePlan, found: Sequence[Stability], *, out: str, seconds: float) -> str:
     """The page: pictures, the table of stability, the paper's claims, and the command."""
     blocks = [
         f"![One survey]({SURVEY})",
@@ -118,7 +118,7 @@ def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: f
         "chance (Wilcoxon's signed-rank test on the same instances, two-sided, 0.05):",
         verdicts(found),
         *footer(
-            command("figures", out, flags_of(plan, "budget"), flags_of(Plan(), "budget")),
+            command("figures", out, flags_of(plan, "budget"), flags_of(FigurePlan(), "budget")),
             [(machine(), versions())],
             wall_time(seconds, "the figures"),
         ),
@@ -126,12 +126,12 @@ def figures_page(plan: Plan, found: Sequence[Stability], *, out: str, seconds: f
     return "\n\n".join(blocks) + "\n"
 
 
-def _words(plan: Plan) -> str:
+def _words(plan: FigurePlan) -> str:
     scenario = plan.scenario
     return f"{scenario.agents} agents, budget {scenario.budget:g}, {plan.instances} instances, seed {plan.seed}"
 
 
-def _survey(plan: Plan) -> Episode:
+def _survey(plan: FigurePlan) -> Episode:
     planner, missions = Row(_SURVEYED, _SURVEYED).drawn(plan.scenario, instances=1, seed=plan.seed)
     states = run_missions(planner, missions, jax.random.key(plan.seed))
     return Episode.from_state(plan.scenario, _SURVEYED, {}, plan.seed, missions, states)

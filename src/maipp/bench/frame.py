@@ -28,7 +28,7 @@ import pandas as pd
 from maipp.bench.cells import CellResult, cell
 from maipp.bench.command import Made
 from maipp.bench.evaluate import Evaluation
-from maipp.bench.tables import Row, Sample, TableSpec
+from maipp.bench.tables import Row, SampleSize, TableSpec
 from maipp.markdown import typed
 from maipp.scenario import Scenario
 from maipp.typing import Float
@@ -37,7 +37,7 @@ INDEX = ("part", "column")
 _KEYS = ("agents", "budget", "comm_range", "length_scale")  # of the scenario, that are columns of every frame
 
 
-class Results(NamedTuple):
+class TableResults(NamedTuple):
     """The rows of a table of which every cell is there, and how they were made."""
 
     missions: pd.DataFrame  # as above
@@ -45,7 +45,7 @@ class Results(NamedTuple):
     seconds: float  # that the cells took, times the devices they took them on
 
 
-def read(table: TableSpec, folder: Path, sample: Sample) -> Results:
+def read(table: TableSpec, folder: Path, sample: SampleSize) -> TableResults:
     """The rows of which the folder has every cell, made by the code and the weights of now."""
     frames, found = [], list[CellResult]()
     for number, part in enumerate(table.parts):
@@ -58,11 +58,11 @@ def read(table: TableSpec, folder: Path, sample: Sample) -> Results:
     return results_of(frames, found)
 
 
-def results_of(frames: Sequence[pd.DataFrame], found: Sequence[CellResult]) -> Results:
+def results_of(frames: Sequence[pd.DataFrame], found: Sequence[CellResult]) -> TableResults:
     """The missions of several cells together."""
     whole = pd.concat(frames) if frames else pd.DataFrame()
     seconds = sum(result.wall_s * result.machine["devices"] for result in found)
-    return Results(whole, tuple((result.machine, result.versions) for result in found), seconds)
+    return TableResults(whole, tuple((result.machine, result.versions) for result in found), seconds)
 
 
 def missions(table: TableSpec, part: int, row: Row, column: float, result: CellResult) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from maipp.bench.evaluations import Paired, paired
 from maipp.bench.page import markdown, shown
 from maipp.bench.tables import Row, known_rows
 from maipp.engine import Mission, Planner, State, draw_missions, reset
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.engine.rollout import run_recorded, step
 from maipp.engine.score import score_missions
 from maipp.errors import InputError
@@ -30,7 +30,7 @@ from maipp.planners.announced.announcement import Announcement
 from maipp.planners.intent import IntentPlanner
 from maipp.scenario import Scenario
 from maipp.team import Intent, destination_intent, fit_intent, trajectory_intent
-from maipp.team.intent import is_told, symmetric_kl
+from maipp.team.intent import is_announced, symmetric_kl
 from maipp.typing import Bool, Float, Int, Key
 
 
@@ -61,7 +61,7 @@ def sampled_paths(scenario: Scenario, *, paths: int, steps: int, decision: int, 
         state = advance(planner, mission, state, key)
     if not bool(state.active.any()):
         raise InputError(f"decision {decision}: the mission ends before; give a smaller number")
-    state, agent, observation = turn(mission, state)
+    state, agent, observation = begin_event(mission, state)
     memory = jax.tree.map(lambda array: array[agent], state.memory)
     look = eqx.filter_jit(IntentPlanner.trajectories)
     nodes, taken = look(planner, jax.random.fold_in(key, state.events), observation, memory)
@@ -106,7 +106,7 @@ def as_intent(message: Any) -> Intent:
 
 def divergences(history: History, agents: int) -> list[Float[np.ndarray, " pairs"]]:
     """For each mission, the symmetric KL divergence of all pairs of successive intents of one agent, nats."""
-    told = np.asarray(is_told(Intent(*map(jnp.asarray, history.intent)))) & history.counts
+    told = np.asarray(is_announced(Intent(*map(jnp.asarray, history.intent)))) & history.counts
     pairs = [_successive(history.agent[i], told[i], agents) for i in range(len(told))]
     mission = np.repeat(np.arange(len(pairs)), [len(rows) for rows in pairs])
     first, second = np.concatenate(pairs).T

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 
 from maipp.bench.command import command, flags_of, footer, wall_time
-from maipp.bench.made_by import machine, versions
 from maipp.bench.page import markdown
+from maipp.bench.provenance import machine, versions
 from maipp.bench.tables import TABLES, Row
 from maipp.devices import missions_devices
 from maipp.engine import run_missions

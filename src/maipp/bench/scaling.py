@@ -25,8 +25,8 @@ from maipp.bench.belief_error import BeliefError, walks
 from maipp.bench.command import machines
 from maipp.bench.drawings import draw_scaling, save_figure
 from maipp.bench.frame import grouped
-from maipp.bench.made_by import machine, versions
 from maipp.bench.page import markdown
+from maipp.bench.provenance import machine, versions
 from maipp.bench.tidy_csv import csv_text
 from maipp.engine import Mission, Planner, State, draw_missions, reset
 from maipp.engine.decision_time import compiled_anew, event_halves, timed_decisions
@@ -223,7 +223,7 @@ def growth(costs: Sequence[Cost]) -> list[Growth]:
     return found
 
 
-class Results(NamedTuple):
+class ScalingResults(NamedTuple):
     """What has been measured, and with which settings."""
 
     settings: dict[str, Any]
@@ -231,7 +231,7 @@ class Results(NamedTuple):
     errors: list[BeliefError]
 
 
-def write_json(results: Results, folder: Path) -> None:
+def write_json(results: ScalingResults, folder: Path) -> None:
     """Write all results so far to `scaling.json`; JSON has no NaN, which becomes null."""
     content = {
         "settings": results.settings,
@@ -244,13 +244,13 @@ def write_json(results: Results, folder: Path) -> None:
     write_atomic(folder / "scaling.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def read_json(folder: Path, settings: dict[str, Any]) -> Results:
+def read_json(folder: Path, settings: dict[str, Any]) -> ScalingResults:
     """The results that `folder` holds of a run with the same settings, versions and machine; else none.
 
     Raises `InputError` for a file that is no such record.
     """
     path = folder / "scaling.json"
-    none = Results(settings, [], [])
+    none = ScalingResults(settings, [], [])
     if not path.exists():
         return none
     try:
@@ -264,7 +264,7 @@ def read_json(folder: Path, settings: dict[str, Any]) -> Results:
         raise InputError(
             f"{path}: not a record of this benchmark ({error}); remove it, or give another --out"
         ) from None
-    return Results(settings, costs, errors)
+    return ScalingResults(settings, costs, errors)
 
 
 def _replaced(row: dict[str, Any], which: Callable[[Any], bool], by: Any) -> dict[str, Any]:
@@ -282,7 +282,7 @@ def add_missing(
             told(kept[-1])
 
 
-def write_report(results: Results, folder: Path) -> list[Path]:
+def write_report(results: ScalingResults, folder: Path) -> list[Path]:
     """Write tables and figure of finished results; gives the paths written."""
     written = [folder / name for name in ("scaling.json", "scaling.csv", "errors.csv", "scaling.md", "scaling.png")]
     costs = pd.DataFrame(results.costs, columns=Cost._fields)
@@ -325,7 +325,7 @@ _ERRORS = {
 }
 
 
-def to_markdown(results: Results) -> str:
+def to_markdown(results: ScalingResults) -> str:
     """The tables: exponents, the largest size, every point, and the errors of the belief."""
     parts = [
         "# Scaling",

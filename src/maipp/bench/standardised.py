@@ -15,9 +15,9 @@ import tyro
 from maipp.bench.cells import Cell, cells, fill
 from maipp.bench.command import made_on
 from maipp.bench.evaluate import check_counts
-from maipp.bench.frame import Results, grids, grouped, metrics_of, read, wide
+from maipp.bench.frame import TableResults, grids, grouped, metrics_of, read, wide
 from maipp.bench.page import markdown, shown
-from maipp.bench.tables import WORLDS, Part, Row, Sample, TableSpec
+from maipp.bench.tables import WORLDS, Row, SampleSize, TablePart, TableSpec
 from maipp.bench.tidy_csv import csv_text, short
 from maipp.devices import use_all_cores
 from maipp.errors import InputError
@@ -75,14 +75,14 @@ def spec(flags: Standardised, base: Scenario | None = None) -> TableSpec:
         planner_options(name)  # raises for an unknown name
     base = Scenario() if base is None else base
     parts = tuple(
-        Part(base.replace(length_scale=scale, extent=(1.0, 1.0 / aspect)), printed={})
+        TablePart(base.replace(length_scale=scale, extent=(1.0, 1.0 / aspect)), printed={})
         for aspect, scale in itertools.product(flags.aspects, flags.length_scales)
     )
     rows = tuple(Row(planner, planner) for planner in flags.planners)
     return TableSpec("standardised", "", rows, parts, flags.budgets, worlds=flags.worlds)
 
 
-def table(spec: TableSpec, results: Results, sample: Sample) -> str:
+def table(spec: TableSpec, results: TableResults, sample: SampleSize) -> str:
     """Markdown: for each budget a table of Tr(P), its standard error, and what it is of the initial trace."""
     blocks = []
     for budget, frame in grouped(results.missions, "column"):
@@ -128,7 +128,7 @@ def tidy(spec: TableSpec, frame: pd.DataFrame) -> str:
 
 def main(flags: Standardised, base: Scenario | None = None) -> int:
     """Fill the table and write its files; gives the exit code."""
-    sample = Sample(flags.instances, flags.trials, flags.seed)
+    sample = SampleSize(flags.instances, flags.trials, flags.seed)
 
     def report(cell: Cell, number: int, count: int, done: bool) -> None:
         if not done:

@@ -11,9 +11,9 @@ from maipp.bench.command import code, command, device_time, footer, made_on
 from maipp.bench.drawings import draw_table, save_figure
 from maipp.bench.evaluate import summarise
 from maipp.bench.evaluations import Paired, paired
-from maipp.bench.frame import Results, grids, grouped, read, wide
+from maipp.bench.frame import TableResults, grids, grouped, read, wide
 from maipp.bench.page import METRICS, markdown, shown
-from maipp.bench.tables import Part, Sample, TableSpec, best
+from maipp.bench.tables import SampleSize, TablePart, TableSpec, best
 from maipp.bench.tidy_csv import compressed, missions_csv
 from maipp.errors import InputError
 from maipp.files import write_atomic
@@ -23,7 +23,7 @@ from maipp.typing import Float
 BRIEF = "brief"  # folder of the short forms, for pages that have more to say than results
 
 
-def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) -> list[Path]:
+def write_table(table: TableSpec, folder: Path, sample: SampleSize, reference: str) -> list[Path]:
     """Write NAME.csv.gz, NAME.png, NAME.md and brief/NAME.md of all rows that the folder has every cell of.
 
     Gives their paths.
@@ -46,7 +46,7 @@ def write_table(table: TableSpec, folder: Path, sample: Sample, reference: str) 
 
 
 def table_page(
-    table: TableSpec, results: Results, sample: Sample, *, out: str, reference: str, files: Sequence[str] = ()
+    table: TableSpec, results: TableResults, sample: SampleSize, *, out: str, reference: str, files: Sequence[str] = ()
 ) -> str:
     """The whole page below its heading: one table per part and metric, paired tests, command, versions, wall time.
 
@@ -68,7 +68,7 @@ def table_page(
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def brief_page(table: TableSpec, results: Results, sample: Sample, *, out: str) -> str:
+def brief_page(table: TableSpec, results: TableResults, sample: SampleSize, *, out: str) -> str:
     """The short form: every row's number at every budget, how many missions they come from, and the command."""
     labels, blocks = {row.name: row.label for row in table.rows}, []
     for number, frame in grouped(results.missions, "part"):
@@ -84,7 +84,7 @@ def brief_page(table: TableSpec, results: Results, sample: Sample, *, out: str) 
     return "\n\n".join(blocks) + "\n"
 
 
-def _command(table: TableSpec, results: Results, sample: Sample, out: str, reference: str) -> str:
+def _command(table: TableSpec, results: TableResults, sample: SampleSize, out: str, reference: str) -> str:
     """The command that fills the table with these rows."""
     quick = sample[:2] == table.quick_sample[:2] != table.sample[:2]
     flags = {"quick": quick, **sample._asdict(), "planners": [*results.missions["row"].unique()]}
@@ -111,7 +111,7 @@ def _means(frame: pd.DataFrame, metric: str) -> dict[tuple[str, float], str]:
     return {cell: shown(values) for cell, values in grids(frame, metric).items()}
 
 
-def _main(table: TableSpec, part: Part, frame: pd.DataFrame, sample: Sample) -> str:
+def _main(table: TableSpec, part: TablePart, frame: pd.DataFrame, sample: SampleSize) -> str:
     """The paper's number and ours, column by column."""
     beside = bool(part.printed)  # there are numbers of the paper
     heading = ["row", "planner and options", *["in the paper"] * beside]
@@ -137,7 +137,7 @@ def _with_deviation(values: Float[np.ndarray, "instances trials"]) -> str:
     return shown(values) + ("" if std is None else f" ({f'{std:#.2g}'.rstrip('.')})")
 
 
-def _half(table: TableSpec, part: Part, frame: pd.DataFrame) -> str:
+def _half(table: TableSpec, part: TablePart, frame: pd.DataFrame) -> str:
     """Which rows are as good as the paper's best one, and which leave at most half of that."""
     if not part.printed:
         return ""
@@ -155,7 +155,7 @@ def _half(table: TableSpec, part: Part, frame: pd.DataFrame) -> str:
     )
 
 
-def _compared(table: TableSpec, part: Part, frame: pd.DataFrame, reference: str) -> list[str]:
+def _compared(table: TableSpec, part: TablePart, frame: pd.DataFrame, reference: str) -> list[str]:
     """The other rows minus the reference, on the same instances."""
     values = grids(frame, table.metric)
     pairs = {
@@ -175,7 +175,7 @@ def _difference(test: Paired) -> str:
     return sign + mean_and_error(test.mean, test.se) + ("" if test.p is None else f" ({_probability(test.p)})")
 
 
-def _notes(table: TableSpec, results: Results, sample: Sample) -> str:
+def _notes(table: TableSpec, results: TableResults, sample: SampleSize) -> str:
     """How to read the numbers, and what is not as asked for."""
     printed = any(table.parts[number].printed for number in results.missions.index.unique("part"))
     words = [
@@ -196,16 +196,16 @@ def _trials(frame: pd.DataFrame) -> dict[str, int]:
     return frame.groupby("row", sort=False)["trial"].nunique().to_dict()
 
 
-def _fewer(trials: int, sample: Sample) -> str:
+def _fewer(trials: int, sample: SampleSize) -> str:
     """How many missions a row has, where these are not as many as asked for."""
     return "" if trials == sample.trials else f" ({sample.instances} x {trials})"
 
 
-def _heading(metric: str, part: Part) -> str:
+def _heading(metric: str, part: TablePart) -> str:
     return f"{METRICS[metric]}, {_missions(part)}:"
 
 
-def _missions(part: Part) -> str:
+def _missions(part: TablePart) -> str:
     scenario = part.scenario
     reach = "global communication" if scenario.comm_range is None else f"communication range {scenario.comm_range:g}"
     return f"{scenario.agents} agents, length scale {scenario.length_scale:g}, {reach}"

@@ -16,6 +16,7 @@ from maipp.planners import make_planner, planner_names
 from maipp.problem import Shape, shape_of
 from maipp.records import Value, Within, fields_of, nearest, read_yaml, unknown
 from maipp.records.kinds import Count, Finite
+from maipp.renamed import renamed
 from maipp.scenario import Scenario
 
 PAPER = Path(__file__).with_name("paper")  # folder of the paper's tables, and of the rows that any table can name
@@ -119,7 +120,7 @@ class Printed(NamedTuple):
 Block = Mapping[str, Mapping[float, Printed]]  # by the paper's name of the method and the column
 
 
-class Sample(NamedTuple):
+class SampleSize(NamedTuple):
     """How many missions each cell has."""
 
     instances: int = 30
@@ -128,7 +129,7 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class TablePart:
     """The missions of a table that differ in their column only, and what the paper prints for them."""
 
     scenario: Scenario
@@ -142,7 +143,7 @@ class TableSpec:
     name: str
     title: str
     rows: tuple[Row, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[TablePart, ...]
     columns: tuple[float, ...]  # values of the scenario's key that changes from column to column
     column: str = "budget"  # that key
     metric: str = "trace"  # that the paper prints, a field of `Metrics`
@@ -150,19 +151,19 @@ class TableSpec:
     reference: str = "ti-5-star"  # the row that the others are paired with
     left_out: Mapping[str, str] = field(default_factory=dict)  # rows of other tables that this one lacks, and why
     worlds: str = "mixture"  # one of `WORLDS`
-    sample: Sample = Sample()
+    sample: SampleSize = SampleSize()
     typed: str = ""  # what one types for it after `maipp benchmark`; empty: its name
 
     @property
-    def quick_sample(self) -> Sample:
+    def quick_sample(self) -> SampleSize:
         """How many missions each cell has in a quick look."""
         return self.sample._replace(trials=1)
 
-    def scenario(self, part: Part, column: float) -> Scenario:
+    def scenario(self, part: TablePart, column: float) -> Scenario:
         """The missions of a part in a column."""
         return part.scenario.replace(**{self.column: column})
 
-    def shape(self, part: Part) -> Shape:
+    def shape(self, part: TablePart) -> Shape:
         """That all cells over areas like the part's fit: each row is compiled once for them."""
         like = [other for other in self.parts if other.scenario.extent == part.scenario.extent]
         return shape_of([self.scenario(other, column) for other in like for column in self.columns])
@@ -212,7 +213,7 @@ def read_table(path: Path, *, check: bool = True) -> TableSpec:
     if "left_out" in root:
         given["left_out"] = {name: root["left_out"][name].fit(str) for name in root["left_out"].mapping()}
     title = root["title"].fit(str) if "title" in root else path.stem
-    sample = Sample(**{key: root[key].fit(_COUNTS[key]) for key in Sample._fields if key in root})
+    sample = SampleSize(**{key: root[key].fit(_COUNTS[key]) for key in SampleSize._fields if key in root})
     spec = TableSpec(path.stem, title, rows, parts, columns, column, **given, sample=sample, typed=str(path))
     for part in parts:
         for value in columns:
@@ -266,17 +267,17 @@ def _columns(value: Value) -> tuple[str, tuple[float, ...]]:
     return name, columns
 
 
-def _parts(root: Value, base: Scenario, columns: Sequence[float]) -> tuple[Part, ...]:
+def _parts(root: Value, base: Scenario, columns: Sequence[float]) -> tuple[TablePart, ...]:
     """The parts of a table; one where it names none."""
     if "parts" not in root:
-        return (Part(base, _printed(root, columns)),)
+        return (TablePart(base, _printed(root, columns)),)
     if "printed" in root:
         root["printed"].wrong("there are parts; give it in each of them")
     parts = []
     for each in root["parts"].items(1, "a list of parts, one or more"):
         each.mapping(("scenario", "printed"))
         scenario = _scenario(each["scenario"], base) if "scenario" in each else base
-        parts.append(Part(scenario, _printed(each, columns)))
+        parts.append(TablePart(scenario, _printed(each, columns)))
     return tuple(parts)
 
 
@@ -299,3 +300,6 @@ def _paper(name: str) -> TableSpec:
 
 
 TABLES = {name: _paper(name) for name in ("table1", "table2", "table3", "table4")}
+
+
+renamed(__name__, Sample="SampleSize", Part="TablePart")

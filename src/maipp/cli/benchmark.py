@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import tyro
 
 from maipp.cli import benchmark_figures, benchmark_latency, benchmark_report, benchmark_scaling, benchmark_table
-from maipp.cli.benchmark_figures import Figures
-from maipp.cli.benchmark_latency import Latency
-from maipp.cli.benchmark_report import Report
-from maipp.cli.benchmark_scaling import Scaling
+from maipp.cli.benchmark_figures import FiguresFlags
+from maipp.cli.benchmark_latency import LatencyFlags
+from maipp.cli.benchmark_report import ReportFlags
+from maipp.cli.benchmark_scaling import ScalingFlags
 from maipp.cli.benchmark_table import Table1, Table2, Table3, Table4, TableFile
 
 _Named = (
@@ -19,10 +19,10 @@ _Named = (
     | Annotated[Table3, tyro.conf.subcommand("table3")]
     | Annotated[Table4, tyro.conf.subcommand("table4")]
     | Annotated[TableFile, tyro.conf.subcommand("table")]
-    | Annotated[Figures, tyro.conf.subcommand("figures")]
-    | Annotated[Latency, tyro.conf.subcommand("latency")]
-    | Annotated[Scaling, tyro.conf.subcommand("scaling")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[FiguresFlags, tyro.conf.subcommand("figures")]
+    | Annotated[LatencyFlags, tyro.conf.subcommand("latency")]
+    | Annotated[ScalingFlags, tyro.conf.subcommand("scaling")]
+    | Annotated[ReportFlags, tyro.conf.subcommand("report")]
 )
 
 _RUN: dict[type, Callable[[Any], int]] = {
@@ -31,15 +31,15 @@ _RUN: dict[type, Callable[[Any], int]] = {
     Table3: benchmark_table.run,
     Table4: benchmark_table.run,
     TableFile: benchmark_table.run,
-    Figures: benchmark_figures.run,
-    Latency: benchmark_latency.run,
-    Scaling: benchmark_scaling.run,
-    Report: benchmark_report.run,
+    FiguresFlags: benchmark_figures.run,
+    LatencyFlags: benchmark_latency.run,
+    ScalingFlags: benchmark_scaling.run,
+    ReportFlags: benchmark_report.run,
 }
 
 
 @dataclass(frozen=True)
-class Benchmark:
+class BenchmarkFlags:
     """Regenerate the tables and figures of the paper, and measure how fast planners are."""
 
     name: tyro.conf.OmitArgPrefixes[tyro.conf.OmitSubcommandPrefixes[_Named]]
@@ -50,6 +50,6 @@ def arguments(given: list[str]) -> list[str]:
     return ["table", *given] if given and given[0].endswith((".yaml", ".yml")) else given
 
 
-def run(flags: Benchmark) -> int:
+def run(flags: BenchmarkFlags) -> int:
     """Run the benchmark of that name; gives its exit code."""
     return _RUN[type(flags.name)](flags.name)

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from maipp.bench.evaluate import check_counts
-from maipp.bench.figure_files import Plan, write_figures
+from maipp.bench.figure_files import FigurePlan, write_figures
 from maipp.bench.tables import TABLES
 from maipp.cli.notes import notes_console
 from maipp.errors import InputError
@@ -16,7 +16,7 @@ from maipp.seeds import check_seed
 
 
 @dataclass(frozen=True)
-class Figures:
+class FiguresFlags:
     """Draw one survey, one decision's intents, Tr(P) over the distance, and the stability of intents."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -35,14 +35,14 @@ class Figures:
     """rows of table1 to draw curves of; left out: all but the joint receding horizon"""
 
 
-def run(flags: Figures) -> int:
+def run(flags: FiguresFlags) -> int:
     """Draw everything. Raises `InputError` for what is wrong."""
     check_counts("--", instances=flags.instances)
     check_seed(flags.seed, "--seed")
     if flags.budget < 1.0:
         raise InputError(f"--budget: {flags.budget:g} ends before agents have plans to draw; give at least 1")
-    rows = TABLES["table1"].chosen(flags.planners) if flags.planners else Plan().rows
-    plan = Plan(Scenario(budget=flags.budget), flags.instances, flags.seed, rows)
+    rows = TABLES["table1"].chosen(flags.planners) if flags.planners else FigurePlan().rows
+    plan = FigurePlan(Scenario(budget=flags.budget), flags.instances, flags.seed, rows)
     notes = notes_console()
     for path in write_figures(plan, flags.out, told=notes.print):
         print(f"wrote {path}")

@@ -15,7 +15,7 @@ from maipp.seeds import check_seed
 
 
 @dataclass(frozen=True)
-class Latency:
+class LatencyFlags:
     """Time single decisions on one core (median, p95, p99, compilation apart), and batches on all devices."""
 
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -40,7 +40,7 @@ class Latency:
     """seed of the worlds"""
 
 
-def run(flags: Latency) -> int:
+def run(flags: LatencyFlags) -> int:
     """Time every row. Raises `InputError` for what is wrong."""
     check_counts("--", decisions=flags.decisions, batch=flags.batch)
     check_seed(flags.seed, "--seed")

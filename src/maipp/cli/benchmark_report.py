@@ -10,7 +10,7 @@ from maipp.bench.page import write_report
 
 
 @dataclass(frozen=True)
-class Report:
+class ReportFlags:
     """Fill the places of a page with what benchmarks wrote, and copy their figures and raw numbers beside it."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DIR [DIR ...]")]
@@ -22,7 +22,7 @@ class Report:
     """page to fill, which has the lines <!-- NAME:start --> and <!-- NAME:end --> for each"""
 
 
-def run(flags: Report) -> int:
+def run(flags: ReportFlags) -> int:
     """Fill the page. Raises `InputError` for what is wrong."""
     written = write_report(flags.out, flags.runs)
     print(f"wrote {', '.join(written.places)} to {flags.out}")

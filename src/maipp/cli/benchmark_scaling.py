@@ -34,7 +34,7 @@ _QUICK_LARGEST = LARGEST | {"agents": 20, "measurements": 1000}
 
 
 @dataclass(frozen=True)
-class Scaling:
+class ScalingFlags:
     """Time one decision, at batch 1, against agents, measurements, grid and nodes, and measure the belief's error.
 
     An interrupted run goes on where it was if it is started again with the same flags.
@@ -67,7 +67,7 @@ class Scaling:
     """only the two smallest sizes of each axis, a survey of 1,000 measurements as the largest"""
 
 
-def run(flags: Scaling) -> int:
+def run(flags: ScalingFlags) -> int:
     """Measure, write the files, print where; raises `InputError` for a bad flag or a folder that cannot be written."""
     _check(flags)
     make_folder(flags.out)
@@ -83,7 +83,7 @@ def run(flags: Scaling) -> int:
     return 0
 
 
-def _measure(flags: Scaling) -> None:
+def _measure(flags: ScalingFlags) -> None:
     """Measure what is not done yet, and write the files."""
     notes = notes_console()
     settings = {key: value for key, value in vars(flags).items() if key != "out"}
@@ -111,7 +111,7 @@ def _measure(flags: Scaling) -> None:
         notes.print(f"wrote {path}")
 
 
-def _check(flags: Scaling) -> None:
+def _check(flags: ScalingFlags) -> None:
     """Raise `InputError` for what is wrong with the flags, before any work."""
     if not flags.planner:
         raise InputError(f"--planner: none given; give one or more, such as {' '.join(PLANNERS)}")

@@ -12,7 +12,7 @@ from maipp.bench.cells import Cell, cells, fill, share
 from maipp.bench.evaluate import check_counts
 from maipp.bench.sweep.dealing import Where
 from maipp.bench.table_page import write_table
-from maipp.bench.tables import TABLES, Sample, TableSpec, read_table
+from maipp.bench.tables import TABLES, SampleSize, TableSpec, read_table
 from maipp.cli.notes import counting_bar, notes_console
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
@@ -132,7 +132,7 @@ def run(flags: TableFlags) -> int:
     return 0
 
 
-def _sample(flags: TableFlags, table: TableSpec) -> Sample:
+def _sample(flags: TableFlags, table: TableSpec) -> SampleSize:
     """How many missions. Raises `InputError` where the flags contradict each other."""
     if flags.quick and (flags.instances, flags.trials) != (None, None):
         raise InputError("--quick: is 30 instances x 1 trial; leave out --instances and --trials")

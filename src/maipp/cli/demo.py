@@ -23,7 +23,7 @@ START = (236.75, 49.3)  # off Vancouver, degrees
 
 
 @dataclass(frozen=True)
-class Demo:
+class DemoFlags:
     """Survey the sea bed of the Strait of Georgia with three robots, and draw what they found."""
 
     out: Path = Path("out/demo")
@@ -72,10 +72,10 @@ def scenario_for(there: "GeoReference") -> Scenario:
     )
 
 
-def run(flags: Demo) -> int:
+def run(flags: DemoFlags) -> int:
     """Plan the survey, write its files, print its numbers in metres and kilometres."""
     from maipp.cli.plan import report, survey
-    from maipp.engine.found import found_by
+    from maipp.engine.area_found import found_by
 
     check_seed(flags.seed, "--seed")
     field = bathymetry()

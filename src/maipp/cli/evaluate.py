@@ -15,7 +15,7 @@ from maipp.bench.evaluation_jobs import EvaluationJob, evaluate_rows
 from maipp.bench.evaluations import Comparison, compare, find, merged, read_evaluations, save_evaluations, to_json, what
 from maipp.cli.evaluate_tables import budget_of, differences, means, stopped
 from maipp.cli.notes import counting_bar, notes_console, results_console, tell_of
-from maipp.cli.options import FieldFlags
+from maipp.cli.scenario_flags import FieldFlags
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.fields.raster import Raster
@@ -33,7 +33,7 @@ _Row = tuple[str, Scenario, dict[str, str]]
 
 
 @dataclass(frozen=True)
-class Evaluate(FieldFlags):
+class EvaluateFlags(FieldFlags):
     """Score planners on held-out missions; all planners and budgets meet the same worlds.
 
     With --field that is the file's field, read as `maipp plan` reads it, and missions differ in their starts.
@@ -84,14 +84,14 @@ class Evaluate(FieldFlags):
     """evaluate nothing: put the parts that these files hold together"""
 
 
-def run(flags: Evaluate) -> int:
+def run(flags: EvaluateFlags) -> int:
     """Evaluate row by row, so that an interrupt keeps the rows that are done; gives 130 then."""
     to_file = flags.json not in (None, "-")
     if to_file:
         _check_writable("--json", Path(str(flags.json)))
     if flags.csv is not None:
         _check_writable("--csv", flags.csv)
-    done, kept, code, refused = _Outcome(_merged(flags)) if flags.merge else _evaluated(flags, to_file)
+    done, kept, code, refused = _EvaluationRun(_merged(flags)) if flags.merge else _evaluated(flags, to_file)
     compared = _show(flags, done) if done else []
     if to_file and done:
         save_evaluations([*done, *kept], str(flags.json), compared)
@@ -109,14 +109,14 @@ def run(flags: Evaluate) -> int:
     return code
 
 
-class _Outcome(NamedTuple):
+class _EvaluationRun(NamedTuple):
     done: list[Evaluation]
     kept: Sequence[Evaluation] = ()  # of the file before, and not come to yet
     code: int = 0
     refused: InputError | None = None  # what kept the other rows from being done
 
 
-def _show(flags: Evaluate, done: list[Evaluation]) -> list[dict[str, Any]]:
+def _show(flags: EvaluateFlags, done: list[Evaluation]) -> list[dict[str, Any]]:
     """Print the tables, and the JSON where it goes to standard output; the comparisons."""
     # The tables make way where standard output is the JSON, and keep their width where they go to a file.
     out = results_console(stderr=flags.json == "-")
@@ -131,7 +131,7 @@ def _show(flags: Evaluate, done: list[Evaluation]) -> list[dict[str, Any]]:
     return told
 
 
-def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
+def _evaluated(flags: EvaluateFlags, to_file: bool) -> _EvaluationRun:
     """Row by row, or in parts by the processes that the flags name."""
     check_seed(flags.seed, "--seed")
     check_counts("--", trials=flags.trials)
@@ -165,8 +165,8 @@ def _evaluated(flags: Evaluate, to_file: bool) -> _Outcome:
             known = [other for other in known if other is not found]
     notes, refused = notes_console(), None
 
-    def outcome(code: int = 0) -> _Outcome:
-        return _Outcome([done[number] for number in sorted(done)], known, code, refused)
+    def outcome(code: int = 0) -> _EvaluationRun:
+        return _EvaluationRun([done[number] for number in sorted(done)], known, code, refused)
 
     def keep(number: int, evaluation: Evaluation) -> None:
         done[number] = evaluation
@@ -216,7 +216,7 @@ def _find(known: Sequence[Evaluation], job: EvaluationJob) -> Evaluation | None:
     return find(known, wanted, job.first, job.instances, code, timing=job.timing, map=job.map)
 
 
-def _merged(flags: Evaluate) -> list[Evaluation]:
+def _merged(flags: EvaluateFlags) -> list[Evaluation]:
     """The evaluations that the files hold, parts put together."""
     if flags.planners or flags.planner or flags.shard or flags.resume or flags.sweep != SweepFlags():
         raise InputError("--merge: evaluates nothing; leave out the planners, --shard, --resume, --workers, --cluster")
@@ -226,7 +226,7 @@ def _merged(flags: Evaluate) -> list[Evaluation]:
     return done
 
 
-def _known(flags: Evaluate, to_file: bool) -> list[Evaluation]:
+def _known(flags: EvaluateFlags, to_file: bool) -> list[Evaluation]:
     """What is not to be evaluated again."""
     if not flags.resume:
         return []
@@ -256,7 +256,7 @@ def _instances(text: str, shard: str | None) -> tuple[int, int]:
     return begin, stop - begin
 
 
-def _rows(flags: Evaluate, field: Raster | None = None) -> list[_Row]:
+def _rows(flags: EvaluateFlags, field: Raster | None = None) -> list[_Row]:
     """Planner, scenario and options of every row. Raises `InputError` for what is wrong with any of them."""
     planners = dict.fromkeys([*flags.planners, *flags.planner])
     if not planners:

@@ -2,13 +2,13 @@
 
 import math
 
-from maipp.cli.fleet_flags import Fleet
+from maipp.cli.fleet_flags import FleetFlags
 from maipp.errors import InputError
 
-__all__ = ["Fleet", "run"]
+__all__ = ["FleetFlags", "run"]
 
 
-def run(flags: Fleet) -> int:
+def run(flags: FleetFlags) -> int:
     """Watch until it is told to end, or simulate until all robots are done."""
     _check(flags)
     if flags.simulate:
@@ -20,7 +20,7 @@ def run(flags: Fleet) -> int:
     return watch(flags)
 
 
-def _check(flags: Fleet) -> None:
+def _check(flags: FleetFlags) -> None:
     """Raise `InputError` for flags that make no sense."""
     from maipp.seeds import check_seed
 

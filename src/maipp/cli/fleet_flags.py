@@ -10,7 +10,7 @@ from maipp.cli.team_flags import TeamFlags
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fleet(TeamFlags):
+class FleetFlags(TeamFlags):
     """Watch a fleet on a page, or simulate one: every robot a process of its own (docs/fleet.md).
 
     maipp fleet mission.yaml --simulate --speedup 60: all robots on this computer, and what they took home

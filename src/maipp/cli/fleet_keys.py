@@ -12,7 +12,7 @@ _NAMES = tyro.conf.arg(metavar="NAME [NAME ...]")
 
 
 @dataclass(frozen=True)
-class Keys:
+class FleetKeysFlags:
     """Make keys for the robots of a fleet: a folder for each, and the authority that vouches for them.
 
     With a folder that has an authority already, robots are added to its fleet (docs/fleet-network.md).
@@ -34,9 +34,9 @@ class Keys:
     """for how long certificates hold"""
 
 
-def run(flags: Keys) -> int:
+def run(flags: FleetKeysFlags) -> int:
     """Make the keys, and say what goes where."""
-    from maipp.fleet.keys import HOME, make_keys
+    from maipp.fleet.key_folders import HOME, make_keys
 
     made = make_keys(flags.folder, flags.robots, flags.watchers, _addresses(flags.address), flags.days)
     for folder in made.folders:

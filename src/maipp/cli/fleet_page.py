@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maipp.cli.fleet_flags import Fleet as Flags
+from maipp.cli.fleet_flags import FleetFlags as Flags
 from maipp.cli.robot import tell
 from maipp.errors import InputError
 from maipp.files import read_text

@@ -8,14 +8,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maipp.cli.fleet_flags import Fleet as Flags
+from maipp.cli.fleet_flags import FleetFlags as Flags
 from maipp.cli.fleet_page import NONE, Page
 from maipp.cli.robot import tell
 from maipp.errors import InputError
 from maipp.records import assignments
 
 if TYPE_CHECKING:
-    from maipp.fleet.launch import Fleet, Process
+    from maipp.fleet.launch import FleetProcesses, Process
     from maipp.live.team import TeamSurvey
 
 _READY = 300.0  # s that robots have to compile what they need
@@ -27,8 +27,8 @@ def simulate(flags: Flags) -> int:
     """Run the fleet until all robots are done, and write the result."""
     from maipp.cli.result import print_result
     from maipp.fleet.ending import Ending
-    from maipp.fleet.launch import Fleet, Process, endpoints, robot_command
-    from maipp.fleet.mission import check_team, open_team
+    from maipp.fleet.fleet_survey import check_team, open_team
+    from maipp.fleet.launch import FleetProcesses, Process, endpoints, robot_command
     from maipp.results import read_taken, write_result
 
     settings = assignments(flags.settings)
@@ -56,9 +56,9 @@ def simulate(flags: Flags) -> int:
         command = robot_command(flags.mission, name, folders[name], own)
         processes.append(Process(name, command, folders[name] / "notes.txt", heard))
     with Ending() as ending, ExitStack() as stack:
-        fleet = stack.enter_context(Fleet(processes))
-        if not _all(lambda each: each.ready.is_set(), fleet, ending.told, _READY):
-            if ending.told.is_set():
+        fleet = stack.enter_context(FleetProcesses(processes))
+        if not _all(lambda each: each.ready.is_set(), fleet, ending.requested, _READY):
+            if ending.requested.is_set():
                 return ending.code
             failed = ", ".join(process.name for process in fleet.ended()) or "some robots"
             raise InputError(f"{failed} could not begin; their notes are in {flags.out / 'robots'}")
@@ -67,10 +67,10 @@ def simulate(flags: Flags) -> int:
             process.begin(begin)
         page = _page(flags, team.survey, [listen for listen, _ in addresses.values()], begin, stack)
         show = _nothing if page is None else page.work
-        _all(lambda each: done[each.name].is_set() or not each.running, fleet, ending.told, None, show)
-        _settled(list(folders.values()), ending.told, show)
+        _all(lambda each: done[each.name].is_set() or not each.running, fleet, ending.requested, None, show)
+        _settled(list(folders.values()), ending.requested, show)
         best = max(folders.values(), key=_size)
-        if ending.told.is_set():
+        if ending.requested.is_set():
             cure = f"maipp result {best} --out {flags.out / 'result'}"
             tell(f"ended before all robots were done; what they have until then is a result too: {cure}")
             return ending.code
@@ -82,7 +82,7 @@ def simulate(flags: Flags) -> int:
         print_result(write_result(read_taken(best), flags.out / "result"), flags.out / "result")
         if flags.stay and page is not None:
             tell("all robots are done; Ctrl-C ends the page")
-            while not ending.told.wait(_TICK):
+            while not ending.requested.wait(_TICK):
                 show()
     return ending.exit_code
 
@@ -122,7 +122,7 @@ def _free_name(names: Sequence[str]) -> str:
 
 def _all(
     true: "Callable[[Process], bool]",
-    fleet: "Fleet",
+    fleet: "FleetProcesses",
     told: threading.Event,
     seconds: float | None,
     work: Callable[[], None] = _nothing,
@@ -152,7 +152,7 @@ def _size(folder: Path) -> int:
 
 def _clear(folder: Path) -> None:
     """Remove the robots' folders of an earlier simulation. Raises `InputError` for a folder that is something else."""
-    from maipp.fleet.record import is_fleet_folder
+    from maipp.fleet.recorded_fleet import is_fleet_folder
 
     for path in sorted(folder.glob("*")) if folder.is_dir() else []:
         known = path.is_dir() and (

@@ -1,6 +1,6 @@
 """`maipp fleet MISSION --connect ADDRESS`: watch a fleet that is under way."""
 
-from maipp.cli.fleet_flags import Fleet as Flags
+from maipp.cli.fleet_flags import FleetFlags as Flags
 from maipp.cli.fleet_page import NONE, Page
 from maipp.cli.robot import tell
 from maipp.errors import InputError
@@ -15,9 +15,9 @@ def watch(flags: Flags) -> int:
 
     from maipp.fleet.clock import WallClock
     from maipp.fleet.ending import Ending
+    from maipp.fleet.fleet_survey import check_team, open_team
     from maipp.fleet.folder import epoch_of
     from maipp.fleet.log import check_name
-    from maipp.fleet.mission import check_team, open_team
     from maipp.fleet.security import security_of
 
     if flags.page == NONE:
@@ -34,6 +34,6 @@ def watch(flags: Flags) -> int:
             raise InputError(f"--name: {flags.name} is a robot of the mission; give another name")
         with Page(flags, team.survey, WallClock(epoch), flags.connect, flags.name, security) as page:
             tell(f"the page is at {page.url}")
-            while not ending.told.wait(_TICK):
+            while not ending.requested.wait(_TICK):
                 page.work()
     return ending.exit_code

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # it imports JAX, which `maipp live --help` can do without
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live(TeamFlags):
+class LiveFlags(TeamFlags):
     """Read one JSON request a line, answer each with one JSON line (protocol maipp.live/1, docs/live.md).
 
     Every event is in the journal before it is answered. Started again on its journal, the survey goes on.
@@ -34,7 +34,7 @@ class Live(TeamFlags):
     """refit the kernel to what is measured, with a scenario file; a mission file says so itself (kernel.adapt)"""
 
 
-def run(flags: Live) -> int:
+def run(flags: LiveFlags) -> int:
     """Answer requests until standard input ends."""
     from maipp.live.serve import encode, serve
 
@@ -54,7 +54,7 @@ def _write(line: bytes) -> None:
     sys.stdout.buffer.flush()
 
 
-def _open(flags: Live) -> "LiveSurvey":
+def _open(flags: LiveFlags) -> "LiveSurvey":
     from maipp.live import LiveSurvey
     from maipp.scenario_io import load_scenario
     from maipp.surveys.standardise import prepare

@@ -29,23 +29,25 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "plan": Command("Plan", True, "plan one survey, and write its record and figures"),
-    "evaluate": Command("Evaluate", True, "score planners on held-out missions"),
-    "benchmark": Command("Benchmark", True, "regenerate the paper's tables and figures, and measure speed"),
-    "worker": Command("Worker", False, "work for a cluster with the cores of this machine"),
-    "scheduler": Command("Scheduler", False, "be the scheduler of a cluster"),
-    "train": Command("Train", True, "train a policy, with checkpoints, a log and a learning curve"),
-    "train foresight": Command("TrainForesight", True, "train the network that foresees the field"),
-    "live": Command("Live", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
+    "plan": Command("PlanFlags", True, "plan one survey, and write its record and figures"),
+    "evaluate": Command("EvaluateFlags", True, "score planners on held-out missions"),
+    "benchmark": Command("BenchmarkFlags", True, "regenerate the paper's tables and figures, and measure speed"),
+    "worker": Command("WorkerFlags", False, "work for a cluster with the cores of this machine"),
+    "scheduler": Command("SchedulerFlags", False, "be the scheduler of a cluster"),
+    "train": Command("TrainFlags", True, "train a policy, with checkpoints, a log and a learning curve"),
+    "train foresight": Command("TrainForesightFlags", True, "train the network that foresees the field"),
+    "live": Command("LiveFlags", True, "answer robots under way: reports in, waypoints out, one JSON line each"),
     "result": Command(
-        "Result", True, "write what a survey took home, from its journal or record: map, samples, report"
+        "ResultFlags", True, "write what a survey took home, from its journal or record: map, samples, report"
     ),
-    "robot": Command("Robot", True, "run one robot of a fleet: its belief, log, decisions and vehicle"),
-    "fleet": Command("Fleet", True, "watch a fleet of robots on a page, or simulate one"),
-    "fleet keys": Command("Keys", False, "make the certificates by which the robots of a fleet know each other"),
-    "planners": Command("Planners", True, "list the planners and their options"),
-    "survey": Command("Survey", True, "plan a survey of a real place from a mission file, or rehearse it"),
-    "demo": Command("Demo", True, "survey real bathymetry with three robots, and draw what they found"),
+    "robot": Command("RobotFlags", True, "run one robot of a fleet: its belief, log, decisions and vehicle"),
+    "fleet": Command("FleetFlags", True, "watch a fleet of robots on a page, or simulate one"),
+    "fleet keys": Command(
+        "FleetKeysFlags", False, "make the certificates by which the robots of a fleet know each other"
+    ),
+    "planners": Command("PlannersFlags", True, "list the planners and their options"),
+    "survey": Command("SurveyFlags", True, "plan a survey of a real place from a mission file, or rehearse it"),
+    "demo": Command("DemoFlags", True, "survey real bathymetry with three robots, and draw what they found"),
     "scenario": Command("PrintScenario", False, "print the default scenario, or check a file"),
 }
 

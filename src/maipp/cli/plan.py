@@ -8,15 +8,16 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import tyro
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from maipp.cli.notes import tell_of
-from maipp.cli.options import FieldFlags
+from maipp.cli.scenario_flags import FieldFlags, foresight_named
 from maipp.cli.stopped import stopped_warning
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -26,7 +27,8 @@ from maipp.seeds import check_seed
 if TYPE_CHECKING:  # they import JAX, which `maipp plan --help` can do without
     from maipp.engine.episode import Episode
     from maipp.fields.raster import Raster
-    from maipp.team.told import Told
+    from maipp.foresight import ForesightName
+    from maipp.team.broadcast import Broadcast
 
 _REPORT = "report.html"
 _ONLY_SOMETIMES = ("mission.mp4", "mission.gif", _REPORT)
@@ -34,7 +36,7 @@ _STEPS = ("drawing the mission", "planning", "scoring", "drawing the overview", 
 
 
 @dataclass(frozen=True)
-class Plan(FieldFlags):
+class PlanFlags(FieldFlags):
     """Plan one survey and write its record, tables, pictures and interactive report.
 
     The files are episode.json, waypoints.csv, measurements.csv, overview.png, mission.mp4 or .gif, and, where plotly is
@@ -53,17 +55,23 @@ class Plan(FieldFlags):
     out: Path = Path("out/plan")
     """folder to write to"""
 
+    foresight: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
+    """add the map that this foresight draws to the report, such as fitted (docs/foresight.md)"""
+
     animation: bool = True
     """draw the animation, which takes a few seconds"""
 
 
-def run(flags: Plan) -> int:
+def run(flags: PlanFlags) -> int:
     """Plan the survey that the flags describe, write its files, print its numbers."""
     scenario = flags.to_scenario()
     field = flags.read_field(scenario)
     scenario = flags.in_field(scenario, field)
     check_seed(flags.seed, "--seed")
     flags.check_weights([flags.planner])
+    foresight = foresight_named(flags.foresight)
+    if foresight is not None and not _has_plotly():
+        raise InputError(f"--foresight: its map is drawn in {_REPORT}, which needs plotly: pip install 'maipp[geo]'")
     episode, paths = survey(
         scenario,
         flags.planner,
@@ -72,6 +80,7 @@ def run(flags: Plan) -> int:
         out=flags.out,
         field=field,
         animation=flags.animation,
+        foresight=foresight,
     )
     report(episode, paths)
     return 0
@@ -86,6 +95,7 @@ def survey(
     out: Path,
     field: "Raster | None" = None,
     animation: bool = True,
+    foresight: "ForesightName | None" = None,
 ) -> "tuple[Episode, list[Path]]":
     """Run one survey and write its files to `out`, all of them or none; returns the record and the files' paths.
 
@@ -113,7 +123,7 @@ def survey(
             bar.update(task, completed=len(_STEPS) - 1 + frames / total)
 
         episode, told = _simulate(scenario, planner, built, options, seed, field, advance)
-        _write_files(episode, told, stage, advance, drawn if animation else None)
+        _write_files(episode, told, foresight, stage, advance, drawn if animation else None)
         names = sorted(path.name for path in stage.iterdir())
     return episode, [out / name for name in names]
 
@@ -185,7 +195,7 @@ def _has_plotly() -> bool:
 
 def _simulate(
     scenario, name, planner, options, seed, field, advance: Callable[[], None]
-) -> "tuple[Episode, tuple[Told, ...]]":
+) -> "tuple[Episode, tuple[Broadcast, ...]]":
     """The record, and for the report what the robots told each other where that says where they are going."""
     import jax
 
@@ -193,7 +203,7 @@ def _simulate(
     from maipp.engine.episode import Episode
     from maipp.engine.keys import key_of
     from maipp.engine.rollout import run_recorded
-    from maipp.planners.announced.record import tells_plans, told_in, whole_message
+    from maipp.planners.announced.recorded_messages import broadcasts_of, tells_plans, whole_message
 
     try:
         missions = draw_missions(
@@ -209,7 +219,7 @@ def _simulate(
     told, key = (), key_of(seed)
     if tells_plans(planner):
         states, events = run_recorded(planner, missions, key, whole_message)
-        told = told_in(events)
+        told = broadcasts_of(events)
     else:
         states = jax.block_until_ready(run_missions(planner, missions, key))
     advance()
@@ -222,7 +232,8 @@ def _simulate(
 
 def _write_files(
     episode: "Episode",
-    told: "tuple[Told, ...]",
+    told: "tuple[Broadcast, ...]",
+    foresight: "ForesightName | None",
     folder: Path,
     advance: Callable[[], None],
     drawn: Callable[[int, int], None] | None,
@@ -238,8 +249,15 @@ def _write_files(
         from maipp.viz.captions import headline
         from maipp.viz.report import SurveyReport, write_report
 
+        seen = None
+        if foresight is not None:
+            from maipp.results.foreseen import foreseen
+            from maipp.results.records import belief_of
+
+            seen = foreseen(episode, belief_of(episode), foresight)
         today = date.today().isoformat()
-        write_report(folder / _REPORT, SurveyReport(episode, title=headline(episode), date=today, told=told))
+        facts = SurveyReport(episode, title=headline(episode), date=today, broadcasts=told, foreseen=seen)
+        write_report(folder / _REPORT, facts)
     advance()
     if drawn is not None:
         save_animation(episode, folder / "mission", drawn)

@@ -12,14 +12,14 @@ from maipp.planners import planner_names, planner_options, planner_summary
 
 
 @dataclass(frozen=True)
-class Planners:
+class PlannersFlags:
     """List the planners with their options. Give options as `--set KEY=VALUE`."""
 
     planner: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PLANNER")] = ()
     """only these; path/to/file.py:ClassName for one of your own"""
 
 
-def run(flags: Planners) -> int:
+def run(flags: PlannersFlags) -> int:
     """Print the list; raises `InputError` for an unknown planner."""
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name in flags.planner or planner_names():

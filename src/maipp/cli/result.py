@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich import box
@@ -11,16 +11,17 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
+from maipp.cli.scenario_flags import foresight_named
 from maipp.errors import InputError
 
 if TYPE_CHECKING:  # they import JAX, which `maipp result --help` can do without
-    from maipp.results.files import Result as Written
+    from maipp.results.result_files import Result as Written
     from maipp.scenario import Scenario
     from maipp.surveys.standardise import PreparedSurvey
 
 
 @dataclass(frozen=True)
-class Result:
+class ResultFlags:
     """Write what a survey took home (docs/live.md): map.tif, samples.csv, report.html and result.json.
 
     The journal may be in use: it is neither locked nor changed.
@@ -36,16 +37,14 @@ class Result:
     """cells along the longer side of the map"""
 
     foresight: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
-    """add what this foresight expects of the true field to the map, such as fitted (docs/foresight.md)"""
+    """add what this foresight expects of the true field to map and report, such as fitted (docs/foresight.md)"""
 
     mission: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """mission or scenario file of a journal that an earlier version wrote, which does not hold it"""
 
 
-def run(flags: Result) -> int:
+def run(flags: ResultFlags) -> int:
     """Read the survey, write the files, print the summary."""
-    from maipp.foresight import FORESIGHTS
-    from maipp.records import unknown
     from maipp.results import read_taken, write_result
     from maipp.results.field_map import CELLS, FEWEST_CELLS, MOST_CELLS
     from maipp.results.sources import source_file
@@ -53,9 +52,7 @@ def run(flags: Result) -> int:
     cells = CELLS if flags.cells is None else flags.cells
     if not FEWEST_CELLS <= cells <= MOST_CELLS:
         raise InputError(f"--cells: {cells} is not a number of cells from {FEWEST_CELLS} to {MOST_CELLS}")
-    foresight: Any = flags.foresight
-    if foresight is not None and foresight not in FORESIGHTS:
-        raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
+    foresight = foresight_named(flags.foresight)
     if source_file(flags.source).resolve().parent == flags.out.resolve():
         raise InputError(f"--out: {flags.out} is where {source_file(flags.source).name} is; give another folder")
     taken = read_taken(flags.source, _mission(flags.mission))
@@ -78,8 +75,8 @@ def _mission(path: Path | None) -> "PreparedSurvey | Scenario | None":
 
 def print_result(written: "Written", out: Path) -> None:
     """The summary of a result, on standard output."""
-    from maipp.results.files import REPORT
-    from maipp.results.words import kept_out_rows, robot_rows
+    from maipp.results.result_files import REPORT
+    from maipp.results.result_text import kept_out_rows, robot_rows
     from maipp.viz.report_tables import TRACE
 
     told, console = written.numbers, results_console()

@@ -25,7 +25,7 @@ _SETTINGS = tyro.conf.arg(metavar="KEY=VALUE [KEY=VALUE ...]")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot(TeamFlags):
+class RobotFlags(TeamFlags):
     """Run one robot of a fleet: its own belief, log and decisions; it tells the others what its radio reaches.
 
     Started again on its folder it goes on as itself (docs/fleet.md).
@@ -72,17 +72,17 @@ class Robot(TeamFlags):
     """begin only when a line with the Unix time to begin at comes in on standard input, and end with that input"""
 
 
-def run(flags: Robot) -> int:
+def run(flags: RobotFlags) -> int:
     """Until it is told to end."""
     from maipp.fleet.clock import WallClock
     from maipp.fleet.ending import Ending
+    from maipp.fleet.fleet_survey import check_team, open_team
     from maipp.fleet.folder import epoch_of, mark_folder
     from maipp.fleet.logs import Logs
-    from maipp.fleet.mission import check_team, open_team
     from maipp.fleet.robot import Robot as FleetRobot
     from maipp.fleet.run import run as run_robot
     from maipp.fleet.security import security_of
-    from maipp.fleet.vehicles import Place, maker_of
+    from maipp.fleet.vehicles import VehicleContext, maker_of
     from maipp.fleet.zenoh_link import ZenohLink
 
     _check(flags)
@@ -105,11 +105,12 @@ def run(flags: Robot) -> int:
             tell("ready")
             begun = _begin()
             threading.Thread(target=_until_input_ends, args=(ending.end,), daemon=True).start()
-            if ending.told.is_set():
+            if ending.requested.is_set():
                 return ending.exit_code
         clock = WallClock(epoch, flags.speedup, begun)
         vehicle = maker(
-            Place(flags.name, survey, team.prepared, flags.log, clock, survey.setup.seed, tell), vehicle_options
+            VehicleContext(flags.name, survey, team.prepared, flags.log, clock, survey.setup.seed, tell),
+            vehicle_options,
         )
         stack.callback(vehicle.close)
         link = ZenohLink(flags.name, digest, connect=flags.connect, listen=flags.listen, security=security, tell=tell)
@@ -117,7 +118,7 @@ def run(flags: Robot) -> int:
         transport = _radio(flags, link, vehicle, survey.setup.units)
         robot = FleetRobot(survey, logs, transport, vehicle, clock, monotonic=time.monotonic, tell=tell)
         tell("begins" if flags.held else "ready")
-        run_robot(robot, ending.told)
+        run_robot(robot, ending.requested)
     return ending.exit_code
 
 
@@ -126,7 +127,7 @@ def tell(text: str) -> None:
     print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
 
 
-def _check(flags: Robot) -> None:
+def _check(flags: RobotFlags) -> None:
     """Raise `InputError` for numbers that make no sense."""
     from maipp.seeds import check_seed
 
@@ -165,7 +166,7 @@ def _until_input_ends(end: Callable[[], None]) -> None:
     end()
 
 
-def _radio(flags: Robot, link: "Transport", vehicle: "Vehicle", units: "Units") -> "Transport":
+def _radio(flags: RobotFlags, link: "Transport", vehicle: "Vehicle", units: "Units") -> "Transport":
     """The network, through a simulated radio if one was asked for."""
     from maipp.fleet.filtered import Filtered
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from maipp.training.config_io import Kind, find_config, load_config, override
+from maipp.training.config_io import ConfigKind, find_config, load_config, override
 from maipp.training.run_folder import CONFIG
 
 
@@ -31,7 +31,7 @@ class RunFlags:
     resume: bool = False
     """go on from the newest checkpoint in the folder; start if there is none"""
 
-    def configuration(self, kind: Kind) -> Any:
+    def configuration(self, kind: ConfigKind) -> Any:
         """The configuration that the flags name. Raises `InputError` where there is no such thing."""
         if self.config is None and self.resume and (self.out / CONFIG).is_file():
             config = load_config(self.out / CONFIG, kind)

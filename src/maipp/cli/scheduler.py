@@ -12,7 +12,7 @@ from maipp.cli.notes import notes_console
 
 
 @dataclass(frozen=True)
-class Scheduler:
+class SchedulerFlags:
     """Be the scheduler of a cluster until interrupted."""
 
     address: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ADDRESS")] = f"tcp://127.0.0.1:{PORT}"
@@ -22,7 +22,7 @@ class Scheduler:
     """folder of certificates, for an address that begins with tls://"""
 
 
-def run(flags: Scheduler) -> int:
+def run(flags: SchedulerFlags) -> int:
     """Schedule. Raises `InputError` for what is wrong."""
     notes = notes_console()
     address = read_address(flags.address, "ADDRESS")

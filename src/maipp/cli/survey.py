@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maipp.cli.notes import results_console
+from maipp.cli.scenario_flags import foresight_named
 from maipp.cli.sweep_flags import SweepFlags
 from maipp.errors import InputError
 from maipp.files import staged_folder, write_atomic
@@ -22,23 +23,23 @@ from maipp.seeds import check_seed
 
 if TYPE_CHECKING:  # they import JAX, which `maipp survey --help` can do without
     from maipp.engine.episode import Episode
-    from maipp.missions.route_plan import RoutePlan
-    from maipp.surveys.expected_mission import Expected
+    from maipp.route_files.route_plan import RoutePlan
+    from maipp.surveys.expected_mission import ExpectedSurvey
+    from maipp.surveys.mission_file import MissionFile as MissionFile
     from maipp.surveys.standardise import PreparedSurvey
-    from maipp.surveys.survey import Survey as MissionFile
 
 _ONLY_SOMETIMES = ("kernel.png", "report.html")  # among the files of a planned survey
 
 
 @dataclass(frozen=True)
-class Survey:
+class SurveyFlags:
     """Plan a survey of a real place from a mission file (docs/survey.md), or rehearse it.
 
     maipp survey --new mission.yaml: write a commented mission file to start from
 
     maipp survey mission.yaml --check: say what is wrong with it, or what will be planned
 
-    maipp survey mission.yaml --out DIR: plan it, mission files for the robots, report.html, overview.png
+    maipp survey mission.yaml --out DIR: plan it, route files for the robots, report.html, overview.png
 
     maipp survey mission.yaml --rehearse: simulate it on possible fields, what can the team expect?
     """
@@ -96,7 +97,7 @@ class Survey:
     sweep: tyro.conf.OmitArgPrefixes[SweepFlags] = field(default_factory=SweepFlags)
 
 
-def run(flags: Survey) -> int:
+def run(flags: SurveyFlags) -> int:
     """Write a template, check, plan or rehearse; raises `InputError` for what is wrong with the mission."""
     if flags.new:
         return _new(flags.mission)
@@ -124,7 +125,7 @@ def _new(path: Path | None) -> int:
     return 0
 
 
-def _check_flags(flags: Survey) -> None:
+def _check_flags(flags: SurveyFlags) -> None:
     """Raise `InputError` for flags of a rehearsal where there is none, and the other way round."""
     rehearsals = {"robots": flags.robots, "planners": flags.planners, "fields": flags.fields, "raster": flags.raster}
     rehearsals |= {"adapt": flags.adapt or None, "foresight": flags.foresight}
@@ -137,7 +138,7 @@ def _check_flags(flags: Survey) -> None:
         raise InputError("--planner: a rehearsal may have several planners; give --planners")
 
 
-def _plan(flags: Survey, survey: "MissionFile") -> int:
+def _plan(flags: SurveyFlags, survey: "MissionFile") -> int:
     from maipp.surveys.routes import check_files
     from maipp.surveys.standardise import prepare
 
@@ -149,7 +150,7 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     if flags.check:
         console.print(f"{flags.mission}: a valid mission")
         return 0
-    from maipp.missions import fence_for
+    from maipp.route_files import fence_for
     from maipp.surveys.expected_mission import expected_course
     from maipp.surveys.routes import route_plan
 
@@ -165,14 +166,14 @@ def _plan(flags: Survey, survey: "MissionFile") -> int:
     return 0
 
 
-def _write_files(prepared: "PreparedSurvey", expected: "Expected", plan: "RoutePlan", folder: Path) -> list[str]:
+def _write_files(prepared: "PreparedSurvey", expected: "ExpectedSurvey", plan: "RoutePlan", folder: Path) -> list[str]:
     """Everything that a planned survey leaves, in the folder; the names of the files."""
     from maipp.engine.episode_io import write_episode
-    from maipp.missions import write_mission_files
+    from maipp.route_files import write_route_files
     from maipp.surveys.picture import draw_plan
     from maipp.viz.style import save_figure
 
-    paths = write_mission_files(plan, folder, vehicle=prepared.survey.vehicle)
+    paths = write_route_files(plan, folder, vehicle=prepared.survey.vehicle)
     write_episode(expected.episode, folder / "episode.json")
     save_figure(draw_plan(prepared, expected.episode), folder / "overview.png")
     names = [*(path.name for path in paths), "episode.json", "overview.png"]
@@ -219,14 +220,14 @@ def _describe(prepared: "PreparedSurvey", console: Console) -> None:
 
 def _team_table(prepared: "PreparedSurvey") -> Table:
     """What each robot may spend, what of it is kept back, and how far it is home."""
-    from maipp.surveys.homes import ways_home
+    from maipp.surveys.homes import distances_home
 
     frame, scenario = prepared.frame, prepared.scenario
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("robot")
     for heading in ("start", "speed m/s", "budget m", "minutes", "reserve m", "home", "way home m"):
         table.add_column(heading, justify="right")
-    rows = zip(prepared.survey.robots, scenario.starts or (), ways_home(scenario), strict=True)
+    rows = zip(prepared.survey.robots, scenario.starts or (), distances_home(scenario), strict=True)
     for robot, start, (home, way) in rows:
         minutes = robot.budget_m / robot.speed / 60.0
         told = "anywhere" if home is None else "its start" if home == start else _place(prepared, home)
@@ -269,14 +270,12 @@ def _length(metres: float) -> str:
     return f"{metres:.4g} m" if metres < 10_000 else f"{metres / 1000:.4g} km"
 
 
-def _rehearse(flags: Survey, survey: "MissionFile") -> int:
+def _rehearse(flags: SurveyFlags, survey: "MissionFile") -> int:
     import dataclasses
 
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from maipp.bench.sweep.dealing import HERE
-    from maipp.foresight import FORESIGHTS
-    from maipp.records import unknown
     from maipp.surveys.rehearsal import rehearse
     from maipp.surveys.rehearsal_report import summary_table, words
     from maipp.surveys.rehearsal_report import write_report as write_rehearsal
@@ -295,9 +294,7 @@ def _rehearse(flags: Survey, survey: "MissionFile") -> int:
     where = flags.sweep.where()
     if where.cluster is None and where.workers is None:
         where = HERE
-    foresight: Any = flags.foresight
-    if foresight is not None and foresight not in FORESIGHTS:
-        raise InputError(f"--foresight: {unknown('foresight', foresight, list(FORESIGHTS))}")
+    foresight = foresight_named(flags.foresight)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with staged_folder(flags.out) as stage:
         with Progress(*columns, console=notes, disable=not notes.is_terminal, transient=True) as bar:

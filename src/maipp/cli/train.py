@@ -11,22 +11,22 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.cli.run_flags import RunFlags
 from maipp.policy.shipped import BEST
 from maipp.training.config import TrainConfig
 from maipp.training.config_io import POLICY
 from maipp.training.curves import CURVE
 from maipp.training.hosts import all_or_none, hosts_of, join_hosts
-from maipp.training.journal import LOG
 from maipp.training.train import FINAL, Step, TrainResult, train
+from maipp.training.training_log import LOG
 
 INTERRUPTED = 130
 _LINE_SECONDS = 30.0  # between two lines where there is no terminal to draw a bar on
 
 
 @dataclass(frozen=True)
-class Train(RunFlags):
+class TrainFlags(RunFlags):
     """Train a policy; its weights, log, checkpoints and learning curve go into a folder."""
 
     coordinator: Annotated[str | None, tyro.conf.arg(metavar="HOST:PORT", help_behavior_hint="")] = None
@@ -39,7 +39,7 @@ class Train(RunFlags):
     """processes in all"""
 
 
-def run(flags: Train) -> int:
+def run(flags: TrainFlags) -> int:
     """Train; gives 130 when interrupted. Raises `InputError` for what is wrong, and when training diverges."""
     processes = join_hosts(coordinator=flags.coordinator, process_id=flags.process_id, processes=flags.processes)
     config = all_or_none(lambda: flags.configuration(POLICY), processes)

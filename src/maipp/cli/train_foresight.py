@@ -9,25 +9,25 @@ from typing import Any
 
 from rich.console import Console
 
-from maipp.bench.made_by import machine, versions
+from maipp.bench.provenance import machine, versions
 from maipp.cli.run_flags import RunFlags
 from maipp.cli.train import INTERRUPTED
 from maipp.foresight.shipped import FINAL
-from maipp.training.config_io import Kind
+from maipp.training.config_io import ConfigKind
 from maipp.training.foresight.config import NAMED
 from maipp.training.foresight.run import FitResult, FitStep, train_foresight
-from maipp.training.journal import LOG
+from maipp.training.training_log import LOG
 
-_FORESIGHT = Kind(NAMED, "docs/training-keys.md")
+_FORESIGHT = ConfigKind(NAMED, "docs/training-keys.md")
 _LINE_SECONDS = 30.0  # between two lines about updates
 
 
 @dataclass(frozen=True)
-class TrainForesight(RunFlags):
+class TrainForesightFlags(RunFlags):
     """Train the network that foresees the field; its weights, log and checkpoints go into a folder."""
 
 
-def run(flags: TrainForesight) -> int:
+def run(flags: TrainForesightFlags) -> int:
     """Train; gives 130 when interrupted. Raises `InputError` for what is wrong, and when training diverges."""
     config = flags.configuration(_FORESIGHT)
     notes = Console(stderr=True, highlight=False, soft_wrap=True)

@@ -14,7 +14,7 @@ from maipp.errors import InputError
 
 
 @dataclass(frozen=True)
-class Worker:
+class WorkerFlags:
     """Work for the scheduler at an address until it ends: a process for each core, replaced when it dies."""
 
     address: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ADDRESS")]
@@ -30,7 +30,7 @@ class Worker:
     """how long to wait for the scheduler"""
 
 
-def run(flags: Worker) -> int:
+def run(flags: WorkerFlags) -> int:
     """Work. Raises `InputError` for what is wrong."""
     from maipp.bench.sweep.local import workers_that_fit
     from maipp.cli.sweep_flags import check_patience

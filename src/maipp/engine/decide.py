@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Knowledge, Observation, Planner, PyTree
+from maipp.engine.decision_checks import decided
 from maipp.engine.homing import led_home
 from maipp.engine.mission import Mission
 from maipp.engine.observe import observe
-from maipp.engine.owed import decided
 from maipp.engine.polyline import cut_leg, distances
 from maipp.engine.state import AT_HOME, BY_PLANNER, HOMEWARD, NOT_FINITE, SPENT, TRAVELLING
 from maipp.kept import kept

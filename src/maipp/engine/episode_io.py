@@ -5,25 +5,19 @@ import io
 import json
 import os
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 
 from maipp.belief import PriorSamples
 from maipp.engine.episode import AgentRecord, Episode, EpisodeMetrics, shortest
-from maipp.engine.episode_numbers import Above0, numbers, wholes
+from maipp.engine.episode_keys import SCHEMA, AgentKeys, EpisodeKeys, MetricKeys, PlannerKeys
+from maipp.engine.episode_numbers import numbers, wholes
 from maipp.engine.episode_place import read_reference
-from maipp.engine.state import REASONS
 from maipp.files import read_text, write_atomic
-from maipp.records import Value, Within, pretty, read_json
-from maipp.records.kinds import Finite
+from maipp.records import Value, pretty, read_json
 from maipp.scenario import Scenario
-from maipp.seeds import LARGEST_SEED
 
-SCHEMA = "maipp.episode/1"
-
-_Whole = Annotated[int, Within(0, wide=True)]
-_Reason = Literal[tuple(filter(None, REASONS))]  # type: ignore[valid-type]
 StrPath = str | os.PathLike[str]
 
 
@@ -72,8 +66,8 @@ def read_episode(path: StrPath) -> Episode:
 def parse_episode(text: str, *, source: str = "episode") -> Episode:
     """The episode in JSON text; errors name `source`."""
     record = read_json(text, source)
-    record["schema"].fit(Literal[SCHEMA], f"{SCHEMA!r}, the one that this version reads")  # type: ignore[valid-type]
-    real = np.dtype(record["precision"].fit(Literal["float32", "float64"]))
+    record.part(EpisodeKeys, "schema")
+    real = np.dtype(record.part(EpisodeKeys, "precision"))
     scenario = _scenario(record["scenario"])
     side, team = scenario.grid, scenario.agents
     agents = tuple(_read_agent(agent, scenario, real) for agent in record["agents"].items(count=team))
@@ -84,23 +78,23 @@ def parse_episode(text: str, *, source: str = "episode") -> Episode:
     inside[wholes(record["outside"], side * side - 1)] = False
     return Episode(
         scenario=scenario,
-        planner=record["planner"]["name"].fit(str),
+        planner=record["planner"].part(PlannerKeys, "name"),
         options=_options(record["planner"]["options"]),
-        seed=record["seed"].fit(Annotated[int, Within(0, most=LARGEST_SEED, wide=True)]),
-        index=record["index"].fit(_Whole),
+        seed=record.part(EpisodeKeys, "seed"),
+        index=record.part(EpisodeKeys, "index"),
         agents=agents,
         truth=np.stack([numbers(row, real, side) for row in record["truth"].items(count=side)]).reshape(-1),
         inside=inside,
-        message_bytes=record["message_bytes"].fit(_Whole),
+        message_bytes=record.part(EpisodeKeys, "message_bytes"),
         reference=read_reference(record["mapping"], scenario),
         prior=_read_prior(record["prior"], real) if "prior" in record.mapping() else None,
-        expected=record["expected"].fit(bool) if "expected" in record.mapping() else False,
+        expected=record.part(EpisodeKeys, "expected") if "expected" in record.mapping() else False,
         recorded=EpisodeMetrics(
-            trace=metrics["trace"].fit(Finite),
+            trace=metrics.part(MetricKeys, "trace"),
             own_trace=numbers(metrics["own_trace"], real, team),
-            true_trace=metrics["true_trace"].fit(Finite),
-            rmse=metrics["rmse"].fit(Finite),
-            mutual_information=metrics["mutual_information"].fit(Finite),
+            true_trace=metrics.part(MetricKeys, "true_trace"),
+            rmse=metrics.part(MetricKeys, "rmse"),
+            mutual_information=metrics.part(MetricKeys, "mutual_information"),
             curve_time=time,
             curve_trace=numbers(metrics["curve"]["trace"], real, len(time)),
         ),
@@ -211,17 +205,17 @@ def _read_agent(key: Value, scenario: Scenario, real: np.dtype) -> AgentRecord:
 
     return AgentRecord(
         start=numbers(key["start"], real, 2),
-        budget=key["budget"].fit(Above0),
-        speed=key["speed"].fit(Above0),
-        distance=key["distance"].fit(Finite),
-        decisions=key["decisions"].fit(_Whole),
+        budget=key.part(AgentKeys, "budget"),
+        speed=key.part(AgentKeys, "speed"),
+        distance=key.part(AgentKeys, "distance"),
+        decisions=key.part(AgentKeys, "decisions"),
         route=points(route, len(route_time)),
         route_time=route_time,
         measurement_x=points(measured, len(measurement_time)),
         measurement_y=numbers(measured["value"], real, len(measurement_time)),
         measurement_time=measurement_time,
         known=wholes(key["known"], count=scenario.agents),
-        stopped_by=key["stopped_by"].fit(_Reason) if "stopped_by" in key.mapping() else None,
+        stopped_by=key.part(AgentKeys, "stopped_by") if "stopped_by" in key.mapping() else None,
     )
 
 

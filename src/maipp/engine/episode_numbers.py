@@ -4,11 +4,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from maipp.engine.episode_keys import Numbers
 from maipp.records import Value, Within
-from maipp.records.kinds import Finite
 from maipp.typing import Float, Int
-
-Above0 = Annotated[float, Within(above=0.0, wide=True)]
 
 
 def numbers(key: Value, real: np.dtype, count: int | None = None, *, empty: str = "") -> Float[np.ndarray, " n"]:
@@ -16,7 +14,7 @@ def numbers(key: Value, real: np.dtype, count: int | None = None, *, empty: str 
 
     Raises `FieldError` for anything else, and where `empty` says why it may not be so.
     """
-    values = _list(key, tuple[Finite, ...], "finite numbers", count)
+    values = _list(key, Numbers, "", count)
     if empty and not values:
         key.wrong(f"is empty; {empty}")
     with np.errstate(over="ignore"):  # told below, in words

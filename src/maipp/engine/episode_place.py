@@ -1,13 +1,9 @@
 """The place and the units of a recorded survey, read from its file (docs/episode.md, `mapping`)."""
 
-from maipp.engine.episode_numbers import Above0
+from maipp.engine.episode_keys import MappingKeys, SystemKeys
 from maipp.geo import PLANE, Crs, GeoReference
 from maipp.records import Value
-from maipp.records.kinds import Finite
 from maipp.scenario import Scenario
-
-_Pair = tuple[Finite, Finite]
-_Sides = tuple[Above0, Above0]
 
 
 def read_reference(key: Value, scenario: Scenario) -> GeoReference | None:
@@ -17,13 +13,13 @@ def read_reference(key: Value, scenario: Scenario) -> GeoReference | None:
     """
     if key.value is None:
         return None
-    origin, size, domain = key["origin"].fit(_Pair), key["size"].fit(_Sides), key["domain"].fit(_Sides)
-    zero, one = key["value_at_zero"].fit(Finite), key["value_at_one"].fit(Finite)
+    origin, size, domain = (key.part(MappingKeys, name) for name in ("origin", "size", "domain"))
+    zero, one = (key.part(MappingKeys, name) for name in ("value_at_zero", "value_at_one"))
     if domain != scenario.extent:
         key["domain"].wrong(f"is {list(domain)}, but scenario.extent is {list(scenario.extent)}")
     if zero == one:
         key["value_at_one"].wrong("is the same as value_at_zero")
-    given = [key[name].fit(str | None) for name in ("x_name", "y_name", "value_name")]
+    given = [key.part(MappingKeys, name) for name in ("x_name", "y_name", "value_name")]
     names = [name if told is None else told for name, told in zip(("x", "y", "value"), given, strict=True)]
     return GeoReference(
         origin,
@@ -34,10 +30,10 @@ def read_reference(key: Value, scenario: Scenario) -> GeoReference | None:
         *names,
         plane=read_system(key["plane"]) if "plane" in key.mapping() else PLANE,
         user=read_system(key["user"]) if "user" in key else None,
-        metres_per_unit=key["metres_per_unit"].fit(Above0 | None) if "metres_per_unit" in key else None,
+        metres_per_unit=key.part(MappingKeys, "metres_per_unit") if "metres_per_unit" in key else None,
     )
 
 
 def read_system(key: Value) -> Crs:
     """The coordinate reference system that `Crs.to_dict` wrote."""
-    return Crs(key["crs"].fit(str | None), key["geographic"].fit(bool), key["metres"].fit(Above0 | None))
+    return Crs(*(key.part(SystemKeys, name) for name in ("crs", "geographic", "metres")))

@@ -5,7 +5,7 @@ import numpy as np
 
 from maipp.engine.polyline import along, distances, without_repeats
 from maipp.kept import kept
-from maipp.roadmap.home import Home, lengths_home, way_home
+from maipp.roadmap.home import Home, lengths_home, path_home
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Point, Real
 
@@ -35,24 +35,24 @@ def led_home(
     share = jnp.where(home.ends.bound, share, jnp.where(follows, length, 0.0))
     last = along(leg, share)
     followed = along(leg, jnp.minimum(distances(leg), share))
-    way = jnp.where(turns, way_home(home, last), last)
+    way = jnp.where(turns, path_home(home, last), last)
     return jnp.concatenate([followed, way]), turns
 
 
 @kept
-def _first_way(home: Home, here: Point) -> tuple[Float[Array, "w 2"], Float[Array, ""]]:
-    return way_home(home, here), lengths_home(home, here[None])[0]
+def _first_part_home(home: Home, here: Point) -> tuple[Float[Array, "w 2"], Float[Array, ""]]:
+    return path_home(home, here), lengths_home(home, here[None])[0]
 
 
-def whole_way_home(home: Home, here: Float[np.ndarray, "2"]) -> tuple[Float[np.ndarray, "v 2"], float]:
+def full_path_home(home: Home, here: Float[np.ndarray, "2"]) -> tuple[Float[np.ndarray, "v 2"], float]:
     """The shortest way to one agent's home from where it is, on the host, and its length; inf: zones are between."""
     points, real = [np.asarray(here, float)], home.ends.places.dtype
-    first, length = _first_way(home, jnp.asarray(here, real))
+    first, length = _first_part_home(home, jnp.asarray(here, real))
     while True:
         points += [np.asarray(point, float) for point in first]
         if (np.asarray(home.ends.places) == np.asarray(first[-1])).all(axis=-1).any():
             return without_repeats(np.array(points)), float(length)
-        first, _ = _first_way(home, first[-1])
+        first, _ = _first_part_home(home, first[-1])
 
 
 def _affordable(

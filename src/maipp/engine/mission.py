@@ -16,7 +16,7 @@ from maipp.engine.prior_checks import prior_arrays
 from maipp.engine.rows import pick
 from maipp.errors import InputError
 from maipp.fields.mixture import evaluation_grid, sample_mixture
-from maipp.fields.own import as_field
+from maipp.fields.user_fields import as_field
 from maipp.kept import kept
 from maipp.problem import Params, Problem, Shape, params_of, shape_of
 from maipp.roadmap import Home, Obstacles, Roadmap, home_of, laplacian_encoding, lengths_home, sample_roadmaps

@@ -12,6 +12,7 @@ from maipp.engine.decision import AgentView, Knowledge, Observation
 from maipp.engine.mission import Mission
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State, known_by, positions
+from maipp.renamed import renamed
 from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Point, Real
@@ -157,7 +158,7 @@ def observe(mission: Mission, known: Knowledge) -> Observation:
     )
 
 
-def turn(mission: Mission, state: State) -> tuple[State, Index, Observation]:
+def begin_event(mission: Mission, state: State) -> tuple[State, Index, Observation]:
     """The first half of an event: the state once the due agent has heard the others, who that is, what it observes."""
     agent = due_agent(mission, state)
     running = jnp.any(state.active)
@@ -166,3 +167,6 @@ def turn(mission: Mission, state: State) -> tuple[State, Index, Observation]:
     heard_state, heard = hear(mission, state, agent)
     state = jax.tree.map(lambda new, old: jnp.where(running, new, old), heard_state, state)
     return state, agent, observe(mission, knowledge(mission, state, agent, heard))
+
+
+renamed(__name__, turn="begin_event")

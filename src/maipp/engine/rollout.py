@@ -17,7 +17,7 @@ from maipp.engine.advance import advance
 from maipp.engine.decide import ask
 from maipp.engine.decision import Decision, Planner
 from maipp.engine.mission import Mission
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.engine.rows import pick
 from maipp.engine.state import RECORD_FULL, State, reset, route_capacity, with_capacity
 from maipp.errors import InputError
@@ -52,7 +52,7 @@ def lanes_at_most(planner: Planner) -> int:
 
 def due_decision(planner: Planner, mission: Mission, state: State, key: Key) -> tuple[State, Index, Decision]:
     """What the due agent decides: the state once it has heard the others, who it is, and its decision."""
-    state, agent, observation = turn(mission, state)
+    state, agent, observation = begin_event(mission, state)
     memory = jax.tree.map(lambda a: pick(a, agent), state.memory)
     return state, agent, ask(planner, mission, jax.random.fold_in(key, state.events), observation, memory)
 
@@ -65,7 +65,7 @@ def step(planner: Planner, mission: Mission, state: State, key: Key) -> State:
 Keep = Callable[[Any], Any]
 
 
-class _Log(NamedTuple):
+class _EventLog(NamedTuple):
     """What events leave behind besides the state; e events."""
 
     agent: Int[Array, " e"]
@@ -79,18 +79,20 @@ def _most_events(state: State) -> int:
     return agents * (vertices - 1) // (state.leg.shape[-2] - 1) + agents
 
 
-def _empty_log(keep: Keep, state: State) -> _Log:
+def _empty_log(keep: Keep, state: State) -> _EventLog:
     """Room for every event."""
     events = _most_events(state)
     kept = jax.eval_shape(lambda messages: keep(jax.tree.map(lambda a: a[0], messages)), state.messages)
-    return _Log(
+    return _EventLog(
         agent=jnp.zeros(events, jnp.int32),
         time=jnp.zeros(events, state.time.dtype),
         kept=jax.tree.map(lambda a: jnp.zeros((events, *a.shape), a.dtype), kept),
     )
 
 
-def _logged(keep: Keep, planner: Planner, mission: Mission, state: State, key: Key, log: _Log) -> tuple[State, _Log]:
+def _logged(
+    keep: Keep, planner: Planner, mission: Mission, state: State, key: Key, log: _EventLog
+) -> tuple[State, _EventLog]:
     """One event, and the log with it."""
     running, number = state.active.any(), state.events
     heard, agent, decision = due_decision(planner, mission, state, key)
@@ -100,11 +102,11 @@ def _logged(keep: Keep, planner: Planner, mission: Mission, state: State, key: K
     def write(row: Array, value: Array) -> Array:
         return row.at[jnp.where(running, number, len(row))].set(value, mode="drop")
 
-    new = _Log(agent, after.time, kept)
+    new = _EventLog(agent, after.time, kept)
     return after, jax.tree.map(write, log, new)
 
 
-_Pair = tuple[State, _Log | None]  # a mission in progress, and what it leaves behind
+_Pair = tuple[State, _EventLog | None]  # a mission in progress, and what it leaves behind
 
 
 class _Lanes(NamedTuple):

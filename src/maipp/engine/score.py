@@ -13,6 +13,7 @@ from maipp.engine.mission import Mission
 from maipp.engine.state import NOT_FINITE, RECORD_FULL, State, known_by
 from maipp.kept import kept
 from maipp.problem import ScenarioLike
+from maipp.renamed import renamed
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float
 
@@ -80,7 +81,7 @@ def interest_of(scenario: ScenarioLike) -> Interest:
     return Interest(scenario.threshold, scenario.beta, scenario.interest_rule)
 
 
-class Standing(eqx.Module):
+class BeliefScore(eqx.Module):
     """How a survey stands that knows some of its measurements: the one place where beliefs are scored."""
 
     mean: Float[Array, " q"]  # on the evaluation grid
@@ -90,11 +91,11 @@ class Standing(eqx.Module):
     rmse: Float[Array, ""]
 
 
-def standing(mission: Mission, moments: Moments, known: Bool[Array, "m s"]) -> Standing:
+def score_belief(mission: Mission, moments: Moments, known: Bool[Array, "m s"]) -> BeliefScore:
     """How an unbatched mission stands with these measurements; `moments` are those of its state."""
     mean, variance = moments(known)
     high = (mission.truth >= mission.params.threshold) & mission.inside
-    return Standing(
+    return BeliefScore(
         mean=mean,
         variance=variance,
         trace=interest_of(mission.problem).trace(mean, variance, mission.inside),
@@ -106,10 +107,10 @@ def standing(mission: Mission, moments: Moments, known: Bool[Array, "m s"]) -> S
 def _score(mission: Mission, state: State) -> Metrics:
     """Metrics of one unbatched mission."""
     moments, there = moments_of(mission, state), mission.params.present
-    final = standing(mission, moments, taken_by(state))
+    final = score_belief(mission, moments, taken_by(state))
 
     agents = jnp.arange(mission.shape.agents)
-    own = lax.map(lambda agent: standing(mission, moments, known_by(state, agent)).trace, agents)
+    own = lax.map(lambda agent: score_belief(mission, moments, known_by(state, agent)).trace, agents)
     left = mission.params.budgets - state.odometer
     return Metrics(
         trace=final.trace,
@@ -145,4 +146,7 @@ def _score_missions(missions: Mission, states: State) -> Metrics:
 def trace_over_time(mission: Mission, state: State, times: Float[Array, " t"]) -> Float[Array, " t"]:
     """Tr(P) of the pooled belief of one mission at each time."""
     moments = moments_of(mission, state)
-    return lax.map(lambda time: standing(mission, moments, taken_by(state, time)).trace, times)
+    return lax.map(lambda time: score_belief(mission, moments, taken_by(state, time)).trace, times)
+
+
+renamed(__name__, Standing="BeliefScore", standing="score_belief")

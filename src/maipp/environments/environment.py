@@ -13,7 +13,7 @@ from jax import lax
 
 from maipp.engine.decision import Observation
 from maipp.engine.mission import Field, Mission, draw_missions
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.engine.reward import RewardKind, final_reward, reward
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State
@@ -207,7 +207,7 @@ class Environment:
     def _wake(self, state: EnvState, params: Mission) -> tuple[EnvState, EnvObservation, Float[Array, ""], Info]:
         """The turn of the agent that arrives next: what it sees, and what its decision before has come to."""
         mission = mission_of(params, state)
-        survey, agent, observation = turn(mission, state.survey)
+        survey, agent, observation = begin_event(mission, state.survey)
         roadmap = self.roadmap(params, state.row, agent)
         observation = eqx.tree_at(lambda o: o.roadmap, observation, roadmap, is_leaf=lambda x: x is None)
         there = options(mission, roadmap, survey, agent)

@@ -12,7 +12,7 @@ from maipp.engine.rows import pick
 from maipp.engine.state import State
 from maipp.environments.announcer import Announcer, nothing_told
 from maipp.environments.form import Form
-from maipp.environments.view import View, Way, candidates_from, view_of
+from maipp.environments.view import RemainingLeg, View, candidates_from, view_of
 from maipp.problem import ScenarioLike
 from maipp.roadmap import SHORTEST_LEG, Roadmap
 from maipp.typing import Array, Bool, Float, Index, Int, Point
@@ -42,14 +42,14 @@ def sight(form: Form, mission: Mission, state: State, observation: Observation, 
     agent = observation.agent
     ahead = jnp.maximum(pick(state.arrival, agent) - state.time, 0.0) * pick(mission.params.speeds, agent)
     ahead = jnp.where(pick(state.active, agent), ahead, 0.0)
-    way = Way(pick(state.leg, agent)[-1], ahead, there.targets, there.allowed)
+    way = RemainingLeg(pick(state.leg, agent)[-1], ahead, there.targets, there.allowed)
     return view_of(mission.problem, form, observation, way)
 
 
 def view_here(problem: ScenarioLike, form: Form, observation: Observation) -> View:
     """What an agent sees that decides here and now: for planners that ask a policy trained in an environment."""
     way = candidates_from(problem, observation.roadmap, observation.position, observation.remaining)
-    return view_of(problem, form, observation, Way(observation.position, jnp.zeros(()), *way))
+    return view_of(problem, form, observation, RemainingLeg(observation.position, jnp.zeros(()), *way))
 
 
 def nearest_allowed(there: Options, position: Point, action: Int[Array, ""]) -> Int[Array, ""]:

@@ -36,7 +36,7 @@ class View(NamedTuple):
     remaining: Float[Array, ""]  # budget left on arrival, domain units
 
 
-class Way(NamedTuple):
+class RemainingLeg(NamedTuple):
     """Where an agent's leg ends and what of it is left."""
 
     end: Point  # domain units
@@ -86,7 +86,7 @@ def _around(problem: ScenarioLike, belief: Belief, area: Bool[Array, " q"], poin
     return worth / jnp.maximum(jnp.sum(across, axis=-1) * jnp.sum(along, axis=-1), 1e-12)
 
 
-def view_of(problem: ScenarioLike, form: Form, observation: Observation, way: Way) -> View:
+def view_of(problem: ScenarioLike, form: Form, observation: Observation, way: RemainingLeg) -> View:
     """What the agent of this observation sees; all numbers lie within the bounds of `columns`."""
     longest, m = longest_side(problem.extent), problem.agents
     interest, belief, end = interest_of(problem), observation.belief, way.end

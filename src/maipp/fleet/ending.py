@@ -23,7 +23,7 @@ class Ending:
     """
 
     def __init__(self) -> None:
-        self.told = threading.Event()
+        self.requested = threading.Event()
         self.code = 0
         self._over = threading.Event()
 
@@ -34,9 +34,9 @@ class Ending:
 
     def end(self, code: int = 0) -> None:
         """Tell the process to end with this exit code."""
-        if not self.told.is_set():
+        if not self.requested.is_set():
             self.code = code
-            self.told.set()
+            self.requested.set()
             threading.Thread(target=self._watch, daemon=True).start()
 
     def __enter__(self) -> "Ending":

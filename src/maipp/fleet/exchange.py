@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from maipp.fleet.frame import MOST_ORIGINS, decode, decode_heads, decode_part, encode, encode_heads, encode_part
 from maipp.fleet.log import ForkError, Head, Origin, read_origin
-from maipp.fleet.logs import Logs, Part
+from maipp.fleet.logs import Logs, LogSegment
 from maipp.fleet.transport import Transport
 
 HAVE, LOG, LINE = "have", "log", "line"
@@ -63,7 +63,7 @@ class Exchange:
         transport.serve(HAVE, self._have)
         transport.serve(LOG, self._log)
 
-    def announce(self, part: Part) -> None:
+    def announce(self, part: LogSegment) -> None:
         """Tell whoever hears it a line of one's own log."""
         self.transport.publish(LINE, encode_part(part))
 
@@ -182,7 +182,7 @@ class Exchange:
         if failures == _TOLD_AFTER:
             self._tell(f"{name} does not bring what it says to have of {origin}; it is asked less often")
 
-    def _ask_part(self, name: str, origin: Origin, start: int, most: int, timeout: float) -> Part | None:
+    def _ask_part(self, name: str, origin: Origin, start: int, most: int, timeout: float) -> LogSegment | None:
         """Lines of a log from somebody, if an answer comes. Raises `ValueError` for one that is not right."""
         question = encode({"origin": str(origin), "from": start, "most": most})
         frame = self.transport.ask(LOG, question, timeout, name).get(name)
@@ -193,7 +193,7 @@ class Exchange:
             raise ValueError(f"an answer that was not asked for: {part.origin} from {part.start}")
         return part
 
-    def _extend(self, part: Part) -> None:
+    def _extend(self, part: LogSegment) -> None:
         new = part.origin not in self.logs.forked
         try:
             records = self.logs.extend(part)

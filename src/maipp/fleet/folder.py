@@ -7,7 +7,7 @@ from typing import Any
 
 from maipp.errors import InputError
 from maipp.files import write_atomic
-from maipp.live.place import place_of
+from maipp.live.belief_problem import place_of
 from maipp.live.queries import header
 from maipp.live.team import TeamSurvey
 from maipp.records import Value, read_json

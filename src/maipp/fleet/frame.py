@@ -2,15 +2,20 @@
 
 import json
 import zlib
-from typing import Any
+from typing import Annotated, Any
 
 from maipp.fleet.log import Head, Origin, read_origin
-from maipp.fleet.logs import Part
+from maipp.fleet.logs import LogSegment
+from maipp.records import Length, Value, Within, read_json
+from maipp.records.kinds import AtLeast1
 
 # Largest frame, bytes as they come; largest part of a log, bytes unpacked.
 LARGEST_FRAME, LARGEST_PART = 1 << 22, 1 << 24
 _LONGEST_HEADER = 1 << 18
 MOST_ORIGINS = 2000
+
+_Start = Annotated[int, Within(0, wide=True), "a number of lines"]
+_Head = tuple[AtLeast1, Annotated[str, Length(most=64)]]
 
 
 def encode(header: dict[str, Any], body: bytes = b"") -> bytes:
@@ -25,20 +30,10 @@ def decode(frame: bytes) -> tuple[dict[str, Any], bytes]:
     header, _, body = frame.partition(b"\n")
     if len(header) > _LONGEST_HEADER:
         raise ValueError(f"a header of {len(header)} bytes")
-    try:
-        values = json.loads(header, parse_constant=_refuse)
-    except RecursionError:
-        raise ValueError("a header that is nested too deep") from None
-    if not isinstance(values, dict):
-        raise ValueError("a header that is no object")
-    return values, body
+    return read_json(header, "header", strict=True).mapping(), body
 
 
-def _refuse(name: str) -> None:
-    raise ValueError(f"{name} is no number")
-
-
-def encode_part(part: Part) -> bytes:
+def encode_part(part: LogSegment) -> bytes:
     """A part of a log; what has more than one line is compressed."""
     text = b"\n".join(part.lines)
     packed = len(part.lines) > 1
@@ -46,12 +41,13 @@ def encode_part(part: Part) -> bytes:
     return encode(header, zlib.compress(text, 6) if packed else text)
 
 
-def decode_part(frame: bytes) -> Part:
+def decode_part(frame: bytes) -> LogSegment:
     """The part of a log that a frame holds. Raises `ValueError` for what is none."""
-    header, body = decode(frame)
-    origin, start = read_origin(_text(header, "origin")), _count(header, "start")
-    signature = bytes.fromhex(_text(header, "signature"))
-    if header.get("packed") is True:
+    values, body = decode(frame)
+    header = Value(values, "header")
+    origin, start = read_origin(header["origin"].fit(str)), header["start"].fit(_Start)
+    signature = bytes.fromhex(header["signature"].fit(str))
+    if "packed" in header and header["packed"].fit(bool):
         try:
             stream = zlib.decompressobj()
             body = stream.decompress(body, LARGEST_PART)
@@ -59,7 +55,7 @@ def decode_part(frame: bytes) -> Part:
             raise ValueError(str(error)) from None
         if not stream.eof or stream.unused_data:
             raise ValueError("a part that is cut short, or too large")
-    return Part(origin, start, body.split(b"\n"), signature)
+    return LogSegment(origin, start, body.split(b"\n"), signature)
 
 
 def encode_heads(heads: dict[Origin, Head]) -> dict[str, Any]:
@@ -69,27 +65,11 @@ def encode_heads(heads: dict[Origin, Head]) -> dict[str, Any]:
 
 def decode_heads(values: Any) -> dict[Origin, Head]:
     """How far logs go, from JSON. Raises `ValueError` for what is no such thing."""
-    if not isinstance(values, dict) or len(values) > MOST_ORIGINS:
-        raise ValueError("heads that are no object, or too many")
+    told = Value(values, "heads")
+    if len(told.mapping()) > MOST_ORIGINS:
+        raise ValueError(f"heads of {len(values)} logs")
     heads = {}
-    for name, head in values.items():
-        match head:
-            case [int(length), str(chain)] if length > 0 and not isinstance(length, bool) and len(chain) <= 64:
-                heads[read_origin(name)] = Head(length, chain.encode("ascii"))
-            case _:
-                raise ValueError(f"the head of {name!r:.60} is none")
+    for name in values:
+        length, chain = told[name].fit(_Head, "a number of lines and a checksum")
+        heads[read_origin(name)] = Head(length, chain.encode("ascii"))
     return heads
-
-
-def _text(values: dict[str, Any], key: str) -> str:
-    value = values.get(key)
-    if not isinstance(value, str):
-        raise ValueError(f"{key} is no text")
-    return value
-
-
-def _count(values: dict[str, Any], key: str) -> int:
-    value = values.get(key)
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{key} is no number of lines")
-    return value

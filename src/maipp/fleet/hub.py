@@ -30,15 +30,15 @@ class Hub:
 
     def __post_init__(self) -> None:
         self.time = 0.0  # s; moves when somebody sets it
-        self.links: dict[str, Link] = {}
+        self.links: dict[str, HubLink] = {}
         self.sent, self.asked = 0, 0  # bytes, of hints and of answers
         self._rng = np.random.default_rng(self.seed)
         self._parts: dict[str, int] = {}
         self._number = itertools.count()
 
-    def link(self, name: str) -> "Link":
+    def link(self, name: str) -> "HubLink":
         """The end of a robot; one of the same name is there no more."""
-        self.links[name] = Link(self, name)
+        self.links[name] = HubLink(self, name)
         return self.links[name]
 
     def part(self, groups: Collection[Collection[str]]) -> None:
@@ -71,7 +71,7 @@ class Hub:
                 heapq.heappush(link.inbox, (self.time + late, next(self._number), hint))
 
 
-class Link:
+class HubLink:
     """One robot's end of a hub: a `Transport`."""
 
     def __init__(self, hub: Hub, name: str) -> None:

@@ -107,13 +107,13 @@ def robot_command(mission: Path, name: str, folder: Path, more: Sequence[str]) -
     return [sys.executable, "-m", "maipp", "robot", str(mission), "--name", name, "--log", str(folder), *more]
 
 
-class Fleet:
+class FleetProcesses:
     """The processes of a simulated fleet. Use it in a `with` block: at its end all of them have ended."""
 
     def __init__(self, processes: Sequence[Process]) -> None:
         self.processes = {process.name: process for process in processes}
 
-    def __enter__(self) -> "Fleet":
+    def __enter__(self) -> "FleetProcesses":
         try:
             for process in self.processes.values():
                 process.start()

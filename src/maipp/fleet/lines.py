@@ -12,7 +12,7 @@ from maipp.fleet.clock import Clock
 from maipp.fleet.line_reports import read_report
 from maipp.fleet.line_streams import LineInput, LineOutput
 from maipp.fleet.vehicle import Fix, Place, Reached, Reading, Report, Wish
-from maipp.fleet.vehicles import Place as Made
+from maipp.fleet.vehicles import VehicleContext as Made
 from maipp.fleet.vehicles import numbers
 from maipp.live.request import LONGEST_ID, PROTOCOL, parse_line
 from maipp.live.serve import encode

@@ -14,6 +14,7 @@ from maipp.fleet.log import SIGNED_EVERY, ForkError, Head, Log, Origin, new_inca
 from maipp.fleet.seal import Seal, Unsealed
 from maipp.live.chain import follow, sum_of
 from maipp.live.journal import Journal
+from maipp.renamed import renamed
 
 # Most logs that are kept of all robots together: somebody who makes up incarnations must not fill the disk.
 MOST_LOGS = 2000
@@ -21,7 +22,7 @@ MOST_LOGS = 2000
 _SUFFIX, _SIGNATURES, _LOCK = ".log", ".signatures", "lock"
 
 
-class Part(NamedTuple):
+class LogSegment(NamedTuple):
     """Consecutive lines of a log, and the signature of all up to the last of them."""
 
     origin: Origin
@@ -80,7 +81,7 @@ class Logs:
             chosen = sorted(origin for origin in self.known if robot in (None, origin.robot))
             return [(origin, json.loads(line)) for origin in chosen for line in self.known[origin].lines[1:]]
 
-    def part(self, origin: Origin, start: int, most: int) -> Part | None:
+    def part(self, origin: Origin, start: int, most: int) -> LogSegment | None:
         """Lines of a log from `start` on, of some `most` bytes at least one line; None where there are none.
 
         They end where the log does or where its robot has signed it.
@@ -97,7 +98,7 @@ class Logs:
             if log.signatures and end < len(log):
                 later = [length for length in log.signatures if length > start]
                 end = max(signed) if signed else min(later, default=len(log))
-            return Part(origin, start, log.lines[start:end], log.at(end).signature)
+            return LogSegment(origin, start, log.lines[start:end], log.at(end).signature)
 
     def length(self, origin: Origin) -> int:
         """Lines that are known of a log."""
@@ -112,7 +113,7 @@ class Logs:
 
     # What is added.
 
-    def append(self, record: dict[str, Any]) -> Part:
+    def append(self, record: dict[str, Any]) -> LogSegment:
         """Add a record to one's own log; what is new of it, with the first record the header too.
 
         Raises `DiskError` where it cannot be written; nothing has changed then.
@@ -126,13 +127,13 @@ class Logs:
                     self._begin(self.origin)
                 log = self.known[self.origin]
                 signature = self._write(log, record)
-                return Part(self.origin, start, log.lines[start:], signature)
+                return LogSegment(self.origin, start, log.lines[start:], signature)
             except InputError as error:
                 raise DiskError(str(error)) from None
             except OSError as error:
                 raise DiskError(f"{self.folder}: cannot write the log: {error.strerror or error}") from None
 
-    def extend(self, part: Part) -> list[dict[str, Any]]:
+    def extend(self, part: LogSegment) -> list[dict[str, Any]]:
         """The new records of a part of somebody's log, once it is taken over.
 
         Raises `ForkError` where it contradicts what is known, `ValueError` for what is no part of a log of this
@@ -162,7 +163,7 @@ class Logs:
             self._keep(log, new)
             return records[1:] if records[0]["seq"] == 0 else records
 
-    def proves_fork(self, part: Part) -> bool:
+    def proves_fork(self, part: LogSegment) -> bool:
         """Whether a robot has signed these lines, and has written others; without signatures, True.
 
         Who only carries lines may have made them up. Checksums lead back from the one that is signed, so that all are
@@ -338,3 +339,6 @@ def _locked(path: Path) -> int:
         raise InputError(f"{path.parent}: another process uses this folder; stop it, or give another") from None
     sync_folder(path.parent)
     return file
+
+
+renamed(__name__, Part="LogSegment")

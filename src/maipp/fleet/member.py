@@ -18,7 +18,7 @@ from maipp.fleet.log import Origin
 from maipp.fleet.logs import Logs
 from maipp.fleet.transport import Hint, Transport
 from maipp.live.events import Event, Heard, Joined, Zone
-from maipp.live.robots import WAITING
+from maipp.live.robot_state import WAITING
 from maipp.live.team import TeamSurvey
 
 INTENT = "intent"

@@ -3,7 +3,7 @@
 from typing import Any
 
 from maipp.fleet.chart import Chart
-from maipp.fleet.words import OUT, in_words
+from maipp.fleet.event_text import OUT, in_words
 from maipp.live.events import Arrived, Event, Joined, Measurement
 from maipp.live.team import TeamSurvey
 

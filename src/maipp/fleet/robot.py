@@ -6,14 +6,14 @@ from typing import Any
 
 from maipp.errors import InputError
 from maipp.fleet.clock import Clock
+from maipp.fleet.decision_order import DecisionOrder
 from maipp.fleet.log import Origin
-from maipp.fleet.logs import DiskError, Logs, Part
+from maipp.fleet.logs import DiskError, Logs, LogSegment
 from maipp.fleet.member import Member, Pace, is_zone
 from maipp.fleet.transport import Transport
-from maipp.fleet.turn import Turn
 from maipp.fleet.vehicle import Answered, Fix, Reached, Reading, Report, Vehicle
 from maipp.live.events import Event, read_event
-from maipp.live.robots import STOPPED
+from maipp.live.robot_state import STOPPED
 from maipp.live.team import TeamSurvey
 
 # Reasons to stop after which nothing more is to be done.
@@ -46,7 +46,7 @@ class Robot:
         self._reports: list[Report] = []  # of the vehicle, not dealt with yet
         self._told_once = set[str]()  # what is wrong with the disk
         self._monotonic = monotonic or clock.now
-        self.turn = Turn(self.name, survey.names, (pace or Pace()).turn, self._monotonic)
+        self.turn = DecisionOrder(self.name, survey.names, (pace or Pace()).turn, self._monotonic)
         self._holds, self._not_before = False, -math.inf
         self._again = False  # it has to ask for another way
         survey.keep_in(self._keep)
@@ -219,7 +219,7 @@ class Robot:
         return f"{self.origin}.{max(self.logs.length(self.origin), 1)}"
 
     def _keep(self, record: dict[str, Any]) -> None:
-        part: Part = self.logs.append(record)
+        part: LogSegment = self.logs.append(record)
         self._told_once.clear()
         self.member.exchange.announce(part)
 

@@ -15,9 +15,11 @@ from maipp.engine.polyline import place_at
 from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.fleet.clock import Clock
+from maipp.fleet.measuring_places import distances_along, length_of
 from maipp.fleet.vehicle import Fix, Place, Reached, Reading, Report
-from maipp.fleet.ways import length_of, ways_to
 from maipp.live.units import Units
+from maipp.records import read_json
+from maipp.records.kinds import Each, Finite
 from maipp.typing import Float
 
 Field = Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, " n"]]
@@ -99,7 +101,7 @@ class Simulated:
         self._stay()
         self._leg = np.array([self._place, *way])
         now = self._since
-        for along in ways_to(self._leg, places, self._interval, self._odometer - self._measured):
+        for along in distances_along(self._leg, places, self._interval, self._odometer - self._measured):
             heapq.heappush(self._due, (now + along / self._speed, next(self._number), along))
         heapq.heappush(self._due, (now + self._length / self._speed, next(self._number), None))
         self._save()
@@ -187,14 +189,12 @@ class Simulated:
     def _resume(self, path: Path) -> None:
         now = self._since
         try:
-            told = json.loads(path.read_text("ascii"))
+            told = read_json(path.read_text("ascii"), strict=True)
             self._since, self._odometer, self._measured = (
-                float(told[key]) for key in ("since", "odometer", "measured")
+                told[key].fit(Finite) for key in ("since", "odometer", "measured")
             )
-            self._leg = np.array(told["leg"], np.float64).reshape(-1, 2)
-            if not (len(self._leg) and np.isfinite(self._leg).all() and math.isfinite(self._since + self._odometer)):
-                raise ValueError
-        except (OSError, ValueError, KeyError, TypeError):
+            self._leg = np.array(told["leg"].fit(Each[tuple[Finite, Finite]]))
+        except (OSError, ValueError):  # InputError is one
             raise InputError(f"{path}: not where a simulated vehicle was; remove it, or give another folder") from None
         arrived = self._since + self._length / self._speed
         if len(self._leg) > 1 and now > arrived:  # it has been holding there since

@@ -12,7 +12,7 @@ import numpy as np
 
 from maipp.errors import InputError
 from maipp.fleet.simulated import Errors, Field, Simulated
-from maipp.fleet.vehicles import Place, numbers
+from maipp.fleet.vehicles import VehicleContext, numbers
 from maipp.seeds import check_seed
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.raster_field import raster_field
@@ -29,7 +29,7 @@ OPTIONS = {
 }
 
 
-def make(place: Place, options: Mapping[str, str]) -> Simulated:
+def make(place: VehicleContext, options: Mapping[str, str]) -> Simulated:
     """The vehicle; options: raster, value, field, speed, drift, position, noise, bad (docs/vehicles.md).
 
     Raises `InputError` for one that is unknown or wrong.
@@ -51,7 +51,7 @@ def make(place: Place, options: Mapping[str, str]) -> Simulated:
     return Simulated(units, start, speed, interval, field, place.clock, errors=errors, state=state)
 
 
-def truth(place: Place, raster: str = "", value: str = "", number: str = "") -> Field:
+def truth(place: VehicleContext, raster: str = "", value: str = "", number: str = "") -> Field:
     """Standardised values of the field at domain positions, the same for all robots of a survey.
 
     Those of a map, with its array or column `value`; or of the draw of that number from the mission's kernel; with

@@ -12,13 +12,14 @@ from maipp.extensions import VEHICLES, extension, extensions
 from maipp.fleet.clock import Clock
 from maipp.fleet.vehicle import Vehicle
 from maipp.live.team import TeamSurvey
+from maipp.renamed import renamed
 from maipp.surveys.standardise import PreparedSurvey
 
 _OURS = {"simulated": "maipp.fleet.simulation", "lines": "maipp.fleet.lines", "mavlink": "maipp.fleet.mavlink"}
 
 
 @dataclass(frozen=True)
-class Place:
+class VehicleContext:
     """What a vehicle is made for."""
 
     robot: str  # its name
@@ -31,7 +32,7 @@ class Place:
 
 
 # Makes a vehicle of the options that were given by name; raises `InputError` for those that make no sense.
-Maker = Callable[[Place, Mapping[str, str]], Vehicle]
+Maker = Callable[[VehicleContext, Mapping[str, str]], Vehicle]
 
 
 def names() -> list[str]:
@@ -52,7 +53,7 @@ def maker_of(name: str) -> Maker:
     return partial(_made, cast(Maker, make), where)
 
 
-def _made(make: Maker, where: str, place: Place, options: Mapping[str, str]) -> Vehicle:
+def _made(make: Maker, where: str, place: VehicleContext, options: Mapping[str, str]) -> Vehicle:
     """The vehicle that another package makes. Raises `InputError` where it fails to."""
     try:
         vehicle = make(place, options)
@@ -87,3 +88,6 @@ def numbers(options: Mapping[str, str], defaults: Mapping[str, Any]) -> dict[str
             like = ",".join(map(str, defaults[key])) if kind is tuple else defaults[key]
             raise InputError(f"--with {key}={text}: not as it should be; give one such as {key}={like}") from None
     return chosen
+
+
+renamed(__name__, Place="VehicleContext")

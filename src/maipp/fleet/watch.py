@@ -7,6 +7,7 @@ from typing import Any
 from maipp.errors import InputError
 from maipp.fleet.chart import Chart, place_part
 from maipp.fleet.clock import Clock
+from maipp.fleet.fleet_status import FleetStatus
 from maipp.fleet.log import Head, Origin
 from maipp.fleet.logs import Logs
 from maipp.fleet.maps import maps_part
@@ -14,7 +15,6 @@ from maipp.fleet.member import Member, Pace
 from maipp.fleet.quiet import Quiet
 from maipp.fleet.replica import Replica
 from maipp.fleet.reports import Reports
-from maipp.fleet.standing import Standing
 from maipp.fleet.transport import Transport
 from maipp.live.team import TeamSurvey
 
@@ -57,7 +57,7 @@ class Watch:
             pace=pace,
             tell=self._note,
         )
-        self._standing = Standing(self.member, self.reports, chart)
+        self._standing = FleetStatus(self.member, self.reports, chart)
         self._state: dict[str, Any] = {}
         self._known: tuple[Any, ...] = ()
 

@@ -40,7 +40,7 @@ class Convolution(eqx.Module):
         return lax.conv_general_dilated(x[None], self.weight, strides, padding, dimension_numbers=layout)[0] + self.bias
 
 
-class Block(eqx.Module):
+class ResidualBlock(eqx.Module):
     """Two convolutions added to what they are given, informed by the mean over the lattice and by the numbers."""
 
     first: Convolution
@@ -68,7 +68,7 @@ class FieldNetwork(eqx.Module):
     stem: Convolution
     down: Convolution
     told: Linear
-    blocks: tuple[Block, ...]
+    blocks: tuple[ResidualBlock, ...]
     up: Linear
     mix: Convolution
     head: Linear
@@ -90,7 +90,7 @@ class FieldNetwork(eqx.Module):
         self.stem = Convolution(keys[1], maps, fine)
         self.down = Convolution(keys[2], fine, width, stride=2)
         self.told = Linear(keys[3], told, width, bias=False)
-        self.blocks = tuple(Block(each, width, told) for each in keys[7:])
+        self.blocks = tuple(ResidualBlock(each, width, told) for each in keys[7:])
         self.up = Linear(keys[4], width, fine)
         self.mix = Convolution(keys[5], 2 * fine, fine)
         self.head = Linear(keys[6], fine, 2, gain=0.0)

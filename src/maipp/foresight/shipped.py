@@ -8,7 +8,7 @@ from typing import Annotated
 
 from maipp.errors import InputError
 from maipp.foresight.model import FieldModel
-from maipp.policy.weights import Kind, StrPath, load_weights
+from maipp.policy.weights import StrPath, WeightsKind, load_weights
 from maipp.records import Within
 
 SHIPPED = "foresight"
@@ -16,14 +16,14 @@ FINAL = "final.safetensors"  # in the folder of a training run
 
 
 @dataclass(frozen=True)
-class _Architecture:
+class _FieldModelArguments:
     """The arguments of `FieldModel` that a card names."""
 
     width: Annotated[int, Within(2, most=512)]
     depth: Annotated[int, Within(1, most=32)]
 
 
-FORESIGHT = Kind("maipp.foresight/1", _Architecture, FieldModel)
+FORESIGHT = WeightsKind("maipp.foresight/1", _FieldModelArguments, FieldModel)
 
 
 def shipped_file() -> Path:

@@ -1,5 +1,5 @@
 """A survey under way: robots report measurements and arrivals, and are told where to go next."""
 
-from maipp.live.survey import LiveSurvey
+from maipp.live.live_survey import LiveSurvey
 
 __all__ = ["LiveSurvey"]

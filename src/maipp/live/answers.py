@@ -2,13 +2,15 @@
 
 from typing import Any
 
-from maipp.live.arrival import Made
+from maipp.live.arrival import ArrivalOutcome
 from maipp.live.messages import describe, pack
-from maipp.live.robots import Robot
+from maipp.live.robot_state import RobotState
 from maipp.live.units import Units
 
 
-def told(made: Made, head: dict[str, Any], robot: Robot, odometer: float, units: Units) -> dict[str, Any]:
+def decision_answer(
+    made: ArrivalOutcome, head: dict[str, Any], robot: RobotState, odometer: float, units: Units
+) -> dict[str, Any]:
     """The answer that says what was decided; `head` names event and robot."""
     if made.reason is not None:
         answer = {"answer": "stop"} | head | {"reason": made.reason}
@@ -20,7 +22,7 @@ def told(made: Made, head: dict[str, Any], robot: Robot, odometer: float, units:
     return answer | _way(robot, odometer, units) | {"message": message}
 
 
-def state_of(made: Made, odometer: float) -> dict[str, Any]:
+def state_of(made: ArrivalOutcome, odometer: float) -> dict[str, Any]:
     """What the journal keeps of a decision; `odometer` is the robot's where it was made, domain units."""
     return {
         "odometer": odometer,
@@ -32,7 +34,7 @@ def state_of(made: Made, odometer: float) -> dict[str, Any]:
     }
 
 
-def late(robot: Robot, head: dict[str, Any], units: Units) -> dict[str, Any]:
+def late(robot: RobotState, head: dict[str, Any], units: Units) -> dict[str, Any]:
     """The answer to a report that is older than the robot's latest: what it was told there stands."""
     if robot.answer is None:
         stop = {"answer": "stop"} | head | {"reason": "gone"} | _way(robot, robot.odometer, units)
@@ -41,6 +43,6 @@ def late(robot: Robot, head: dict[str, Any], units: Units) -> dict[str, Any]:
     return {"answer": robot.answer["answer"]} | head | again | {"late": True}
 
 
-def _way(robot: Robot, odometer: float, units: Units) -> dict[str, Any]:
+def _way(robot: RobotState, odometer: float, units: Units) -> dict[str, Any]:
     left = max(robot.budget - odometer, 0.0)
     return {"travelled": units.length_out(odometer), "remaining": units.length_out(left)}

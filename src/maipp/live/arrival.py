@@ -9,14 +9,14 @@ import numpy as np
 
 from maipp.engine.decide import Departure, decide
 from maipp.engine.decision import Knowledge
-from maipp.engine.homing import whole_way_home
+from maipp.engine.homing import full_path_home
 from maipp.engine.keys import folded
 from maipp.engine.polyline import place_at, shortened, without_repeats
 from maipp.engine.state import AT_HOME
-from maipp.live.detour import keep_out, way_out
+from maipp.live.detour import keep_out, path_out
 from maipp.live.measurements import Slots
 from maipp.live.messages import stacked
-from maipp.live.robots import GONE, TRAVELLING, Robot
+from maipp.live.robot_state import GONE, TRAVELLING, RobotState
 from maipp.live.world import World
 from maipp.roadmap import Home
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -31,9 +31,9 @@ class Arrival:
     """A robot at a position, and all that is known."""
 
     world: World
-    robots: list[Robot]
+    robots: list[RobotState]
     slots: Slots
-    robot: Robot
+    robot: RobotState
     position: Float[np.ndarray, "2"]  # domain units
     time: float  # the scenario's time
     odometer: float  # domain units
@@ -74,7 +74,7 @@ class Arrival:
         }
         return Knowledge(**jax.device_put(values))
 
-    def _hears(self, other: Robot) -> bool:
+    def _hears(self, other: RobotState) -> bool:
         within = self.within_reach is None or other.name in self.within_reach
         return within and other.status != GONE and other is not self.robot
 
@@ -94,7 +94,7 @@ class Arrival:
 
     def from_free(self) -> "Arrival":
         """The same where a planner may begin: where the robot is, but in a no-go zone and outside of the domain."""
-        place = way_out(self.world.scenario, self.position)
+        place = path_out(self.world.scenario, self.position)
         gap = float(np.hypot(*(place - self.position)))
         if gap == 0.0:
             return self
@@ -118,7 +118,7 @@ class Arrival:
         return jax.device_get(decide(world.compiled, world.mission, key, self.knowledge, jax.device_put(memory)))
 
 
-class Made(NamedTuple):
+class ArrivalOutcome(NamedTuple):
     """What was decided."""
 
     reason: str | None  # why the robot stops; None: it goes on
@@ -131,19 +131,19 @@ class Made(NamedTuple):
     memory: Any
 
 
-def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
+def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> ArrivalOutcome:
     """What the robot is to do; one that stops announces `nothing`."""
     robot, here = arrival.robot, arrival.position[None]
 
-    def stop(reason: str, memory: Any) -> Made:
-        return Made(reason, False, here, here[:0], robot.planned, arrival.time, nothing[0], memory)
+    def stop(reason: str, memory: Any) -> ArrivalOutcome:
+        return ArrivalOutcome(reason, False, here, here[:0], robot.planned, arrival.time, nothing[0], memory)
 
     spendable = robot.budget - arrival.world.scenario.reserves[arrival.robots.index(robot)]
     if arrival.home is None and spendable - arrival.odometer <= DISTANCE_TOLERANCE:
         return stop("budget", robot.memory)
     begun = arrival.from_free()
     if robot.homeward and arrival.home is not None:
-        _, back = whole_way_home(arrival.home, begun.position)
+        _, back = full_path_home(arrival.home, begun.position)
         if back <= _NEAR * arrival.world.scenario.measurement_interval:
             return stop("home", robot.memory)
     outcome = begun.decided()
@@ -161,7 +161,7 @@ def decide_arrival(arrival: Arrival, nothing: tuple[Any, Any]) -> Made:
     return _made(arrival, leg, bool(outcome.homeward), outcome.message, outcome.memory)
 
 
-def turn_home(arrival: Arrival, nothing: tuple[Any, Any]) -> Made | None:
+def head_home(arrival: Arrival, nothing: tuple[Any, Any]) -> ArrivalOutcome | None:
     """What a robot under way is to do whose budget has changed: go home, where its leg has become too long for that.
 
     The arrival is where it should be now. None: it goes on.
@@ -172,19 +172,19 @@ def turn_home(arrival: Arrival, nothing: tuple[Any, Any]) -> Made | None:
     left = robot.budget - arrival.world.scenario.reserves[arrival.robots.index(robot)] - arrival.odometer
     gone = arrival.odometer - robot.odometer
     rest = float(np.hypot(*np.diff(robot.leg, axis=0).T).sum()) - gone
-    _, back = whole_way_home(home, robot.leg[-1])
+    _, back = full_path_home(home, robot.leg[-1])
     if rest + back <= left + DISTANCE_TOLERANCE:
         return None
-    way, _ = whole_way_home(home, arrival.from_free().position)
+    way, _ = full_path_home(home, arrival.from_free().position)
     way = without_repeats(np.concatenate([arrival.position[None], way]))
     return _made(arrival, way, True, nothing[0], robot.memory)
 
 
-def _made(arrival: Arrival, leg: Float[np.ndarray, "v 2"], homeward: bool, message: Any, memory: Any) -> Made:
+def _made(arrival: Arrival, leg: Float[np.ndarray, "v 2"], homeward: bool, message: Any, memory: Any) -> ArrivalOutcome:
     """What it is to do on a leg: where to measure, and when it will be there."""
     robot, scenario = arrival.robot, arrival.world.scenario
     length, interval = float(np.hypot(*np.diff(leg, axis=0).T).sum()), scenario.measurement_interval
     places = np.arange(arrival.to_next_measurement, length + DISTANCE_TOLERANCE, interval)
     measure = np.array([place_at(leg, float(place)) for place in places]).reshape(-1, 2)
     planned = arrival.odometer + float(places[-1]) if len(places) else robot.planned
-    return Made(None, homeward, leg, measure, planned, arrival.time + length / robot.speed, message, memory)
+    return ArrivalOutcome(None, homeward, leg, measure, planned, arrival.time + length / robot.speed, message, memory)

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.engine.score import interest_of
-from maipp.live.believe import believe
-from maipp.live.measurements import Measurements
+from maipp.live.belief_query import believe
+from maipp.live.measurements import MeasurementSet
 from maipp.live.world import Setup, World
 from maipp.typing import Bool, Float
 
@@ -26,7 +26,7 @@ class BeliefMaps(NamedTuple):
     measurements: int  # that count
 
 
-def belief_maps(world: World, setup: Setup, measurements: Measurements) -> BeliefMaps:
+def belief_maps(world: World, setup: Setup, measurements: MeasurementSet) -> BeliefMaps:
     """The maps of a live survey; the area is by the kernel that the measurements have been found to have."""
     units, mission = setup.units, world.mission
     mean, std = believe(mission, measurements, np.asarray(mission.grid, np.float64))

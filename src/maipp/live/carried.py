@@ -6,14 +6,14 @@ from typing import Any
 import jax
 import numpy as np
 
-from maipp.live.robots import Robot
+from maipp.live.robot_state import RobotState
 
 Pair = tuple[Any, Any]  # an empty message and an initial memory, as the planner has them
 
 
 def carried(
-    robots: Sequence[Robot], before: Pair, after: Pair, agents: tuple[int, int], fresh: bool
-) -> tuple[list[Robot], list[str]]:
+    robots: Sequence[RobotState], before: Pair, after: Pair, agents: tuple[int, int], fresh: bool
+) -> tuple[list[RobotState], list[str]]:
     """The robots in a survey whose planner begins with `after` instead of `before`, and what they had to forget.
 
     `agents` are the robots before and after. Memories with a row for each robot get rows for new ones. What has another

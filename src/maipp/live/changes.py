@@ -7,7 +7,7 @@ Pair = tuple[float, float]
 Ring = tuple[Pair, ...]  # around a polygon, its first vertex once
 
 
-class Ruling(NamedTuple):
+class ZoneSetting(NamedTuple):
     """What was said last of a zone: of several events the latest decides."""
 
     time: float  # the scenario's time
@@ -16,7 +16,7 @@ class Ruling(NamedTuple):
     told: Ring | None  # the same in the caller's coordinates
 
 
-class Level(NamedTuple):
+class ThresholdSetting(NamedTuple):
     """What was said last of the threshold; the latest decides."""
 
     time: float
@@ -44,8 +44,8 @@ class Changes:
     join, and `anchors` depend on where the robots were.
     """
 
-    zones: tuple[tuple[str, Ruling], ...] = ()  # by name, in the order of names; removed ones too
-    threshold: Level | None = None
+    zones: tuple[tuple[str, ZoneSetting], ...] = ()  # by name, in the order of names; removed ones too
+    threshold: ThresholdSetting | None = None
     joined: tuple[Joiner, ...] = ()
     # Where the roadmap of each robot begins since zones or team changed, domain units; none: where the robot did
     anchors: tuple[Pair, ...] = ()
@@ -58,21 +58,21 @@ class Changes:
     @property
     def geometry(self) -> "Changes":
         """What of the changes roadmaps and ways depend on."""
-        standing = tuple((name, Ruling(0.0, "", ring, None)) for name, ring in self.rings.items())
+        standing = tuple((name, ZoneSetting(0.0, "", ring, None)) for name, ring in self.rings.items())
         return Changes(standing, None, self.joined, self.anchors)
 
-    def zone(self, name: str) -> Ruling | None:
+    def zone(self, name: str) -> ZoneSetting | None:
         """What was said last of a zone."""
         return dict(self.zones).get(name)
 
-    def with_zone(self, name: str, ruling: Ruling) -> "Changes":
+    def with_zone(self, name: str, ruling: ZoneSetting) -> "Changes":
         """With what was said of a zone; the same where something later is known."""
         known = self.zone(name)
         if known is not None and ruling[:2] <= known[:2]:
             return self
         return replace(self, zones=tuple(sorted({**dict(self.zones), name: ruling}.items(), key=lambda each: each[0])))
 
-    def with_threshold(self, level: Level) -> "Changes":
+    def with_threshold(self, level: ThresholdSetting) -> "Changes":
         """With another threshold; the same where a later one is known."""
         if self.threshold is not None and level <= self.threshold:
             return self

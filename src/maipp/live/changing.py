@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from maipp.engine.homing import whole_way_home
+from maipp.engine.homing import full_path_home
 from maipp.errors import InputError
 from maipp.live.carried import carried
-from maipp.live.changes import Changes, Joiner, Level, Ring, Ruling
+from maipp.live.changes import Changes, Joiner, Ring, ThresholdSetting, ZoneSetting
 from maipp.live.events import Change, Joined, Threshold, Zone
-from maipp.live.ground import open_places, own_parts
-from maipp.live.robots import GONE, STOPPED, TRAVELLING, WAITING, Robot
+from maipp.live.robot_state import GONE, STOPPED, TRAVELLING, WAITING, RobotState
+from maipp.live.survey_limits import open_places, own_parts
 from maipp.live.worlds import Worlds
 from maipp.roadmap import Home, Obstacles, free_space
 from maipp.scenario import DISTANCE_TOLERANCE
@@ -27,7 +27,7 @@ class Changed(NamedTuple):
     """What an event changes of the survey as a whole."""
 
     changes: Changes
-    robots: list[Robot]
+    robots: list[RobotState]
     forgot: list[str]  # of the robots: "messages", "memories"
 
 
@@ -36,7 +36,7 @@ def changed(
     inner: dict[str, Any],
     state: dict[str, Any] | None,
     changes: Changes,
-    robots: Sequence[Robot],
+    robots: Sequence[RobotState],
     worlds: Worlds,
 ) -> Changed:
     """What an answered event changes, live and from the journal, of whose answer `state` is a part. Draws nothing."""
@@ -50,12 +50,12 @@ def changed(
     if isinstance(event, Joined):
         time, leg = inner["time"], np.array([inner["position"]])
         told = {"leg": leg, "latest": time, "time": time, "fixes": [(time, 0.0)]}
-        team.append(Robot(event.robot, inner["speed"], inner["budget"], *now, **told))
+        team.append(RobotState(event.robot, inner["speed"], inner["budget"], *now, **told))
     return Changed(after, team, forgot)
 
 
 def consider(
-    event: Change, inner: dict[str, Any], changes: Changes, robots: Sequence[Robot], worlds: Worlds
+    event: Change, inner: dict[str, Any], changes: Changes, robots: Sequence[RobotState], worlds: Worlds
 ) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The answer to a change, and what it needs to be taken over; draws the world that it leads to.
 
@@ -89,15 +89,17 @@ def consider(
 def proposed(event: Change, inner: dict[str, Any], changes: Changes) -> Changes:
     """The changes with this one; roadmaps begin where they did."""
     if isinstance(event, Threshold):
-        return changes.with_threshold(Level(inner["time"], event.id, inner["threshold"], event.threshold))
+        return changes.with_threshold(ThresholdSetting(inner["time"], event.id, inner["threshold"], event.threshold))
     if isinstance(event, Joined):
         x, y = inner["position"].tolist()
         joiner = Joiner(event.robot, (x, y), inner["budget"], inner["speed"], inner["ends"], inner["time"])
         return changes.with_robot(joiner)
-    return changes.with_zone(event.name, Ruling(inner["time"], event.id, inner["ring"], event.polygon))
+    return changes.with_zone(event.name, ZoneSetting(inner["time"], event.id, inner["ring"], event.polygon))
 
 
-def _check_joining(event: Joined, inner: dict[str, Any], robots: Sequence[Robot], extent: tuple[float, float]) -> None:
+def _check_joining(
+    event: Joined, inner: dict[str, Any], robots: Sequence[RobotState], extent: tuple[float, float]
+) -> None:
     """Raise `InputError` for a robot that is there already, one too many, or one that ends outside of the area."""
     if any(robot.name == event.robot for robot in robots):
         raise InputError(
@@ -110,7 +112,7 @@ def _check_joining(event: Joined, inner: dict[str, Any], robots: Sequence[Robot]
 
 
 def _anchors(
-    inner: dict[str, Any], after: Changes, robots: Sequence[Robot], worlds: Worlds
+    inner: dict[str, Any], after: Changes, robots: Sequence[RobotState], worlds: Worlds
 ) -> tuple[tuple[float, float], ...]:
     """Where roadmaps begin from now on."""
     starts = np.array(worlds.starts(after))
@@ -177,10 +179,10 @@ def _concerned(event: Zone, inner: dict[str, Any], taken: Changed, worlds: World
         own = Home(jax.tree.map(lambda array, i=agent: array[i], home.ends), home.borders)
         left = robot.budget - world.scenario.reserves[agent] - robot.odometer - robot.covered(time)
         rest = float(np.hypot(*np.diff(ahead, axis=0).T).sum())
-        late = not robot.homeward and rest + whole_way_home(own, ahead[-1])[1] > left + DISTANCE_TOLERANCE
+        late = not robot.homeward and rest + full_path_home(own, ahead[-1])[1] > left + DISTANCE_TOLERANCE
         if late and robot.name not in ask:
             ask.append(robot.name)
         (begin,) = own_parts(world.scenario.obstacles, world.scenario.extent, ahead[:1], ahead[:1])
-        if whole_way_home(own, np.array(begin))[1] > left + DISTANCE_TOLERANCE:
+        if full_path_home(own, np.array(begin))[1] > left + DISTANCE_TOLERANCE:
             short.append(robot.name)
     return ({"ask": ask} if ask else {}) | ({"short": short} if short else {})

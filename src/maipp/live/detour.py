@@ -17,7 +17,7 @@ def _zones(scenario: Scenario) -> Obstacles | None:
     return Obstacles(scenario.obstacles) if scenario.obstacles else None
 
 
-def way_out(scenario: Scenario, position: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+def path_out(scenario: Scenario, position: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
     """The nearest place where a planner may begin: the position itself, but in a zone and outside of the domain."""
     inside = np.clip(position, 0.0, scenario.extent)
     zones = _zones(scenario)
@@ -36,7 +36,7 @@ def keep_out(scenario: Scenario, leg: Float[np.ndarray, "v 2"]) -> Float[np.ndar
         return leg
     free, places = free_space(scenario.obstacles, scenario.extent), [leg[:1]]
     for begin, end, around in zip(leg[:-1], leg[1:], crosses, strict=True):
-        way = free.way(begin, end) if around else np.stack([begin, end])
+        way = free.shortest_path(begin, end) if around else np.stack([begin, end])
         if way is None:
             return None
         places.append(way[1:])

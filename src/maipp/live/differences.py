@@ -11,8 +11,8 @@ import numpy as np
 
 from maipp.errors import InputError, one_line
 from maipp.scenario import Scenario
+from maipp.surveys.mission_file import MissionFile
 from maipp.surveys.shapes import Drawing, Rings
-from maipp.surveys.survey import Survey
 from maipp.typing import Float
 
 # What of a header must be alike; the rest of it is for people.
@@ -49,7 +49,7 @@ def check_same(found: Mapping[str, Any], mine: Mapping[str, Any], where: str) ->
     raise InputError(f"{where}: the journal of another survey{told}; give it its own mission, or a new file")
 
 
-def keys_of_survey(survey: Survey, options: Mapping[str, Any]) -> dict[str, Any]:
+def keys_of_survey(survey: MissionFile, options: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a mission file that a survey depends on, by their keys; `options` are the planner's."""
     fields = {name: getattr(survey, name) for name in survey.__dataclass_fields__ if name not in _LEFT_OUT}
     robots = {f"robots.{robot.name}.{name}": getattr(robot, name) for robot in survey.robots for name in _ROBOT_KEYS}

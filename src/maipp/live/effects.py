@@ -22,10 +22,10 @@ from maipp.live.events import (
     Withdraw,
     Zone,
 )
-from maipp.live.measurements import Decision
+from maipp.live.measurements import Override
 from maipp.live.messages import unpack
-from maipp.live.robots import GONE, Robot
-from maipp.live.sample import Sample
+from maipp.live.robot_state import GONE, RobotState
+from maipp.live.scaled_measurement import ScaledMeasurement
 from maipp.live.units import Units
 
 Pair = tuple[Any, Any]  # a message and a memory, as the planner has them
@@ -37,9 +37,9 @@ _LARGEST_TOLD = 1e9
 class Effect(NamedTuple):
     """What an answered event changes."""
 
-    robot: Robot  # that takes the place of the one of its name
-    sample: Sample | None = None
-    decision: Decision | None = None
+    robot: RobotState  # that takes the place of the one of its name
+    sample: ScaledMeasurement | None = None
+    decision: Override | None = None
 
 
 def inside(event: Event, units: Units, nothing: Pair, gated: bool = False) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def _ends(event: Joined, position: np.ndarray, units: Units) -> tuple[tuple[floa
 
 
 def taken_late(
-    event: Event, inner: dict[str, Any], state: dict[str, Any] | None, robot: Robot
+    event: Event, inner: dict[str, Any], state: dict[str, Any] | None, robot: RobotState
 ) -> dict[str, Any] | None:
     """The `state` of a record that is taken over after other records, in whatever order they come.
 
@@ -102,7 +102,7 @@ def taken_late(
 def effect(
     event: OfRobot,
     inner: dict[str, Any],
-    robot: tuple[int, Robot],
+    robot: tuple[int, RobotState],
     answer: dict[str, Any],
     state: dict[str, Any] | None,
     nothing: Pair,
@@ -115,7 +115,7 @@ def effect(
     time, sample, decision = inner["time"], None, None
     if isinstance(event, Measurement):
         x, y = inner["position"].tolist()
-        sample = Sample(time, number, x, y, inner["value"], inner["stray"])
+        sample = ScaledMeasurement(time, number, x, y, inner["value"], inner["stray"])
         changed.note_measurement(time, inner["travelled"])
     elif isinstance(event, Arrived):
         assert state is not None
@@ -138,5 +138,5 @@ def effect(
     elif isinstance(event, Heard):
         changed.announce(time, inner["position"], inner["message"])
     elif isinstance(event, Withdraw | Keep):
-        decision = Decision(time, event.id, isinstance(event, Keep))
+        decision = Override(time, event.id, isinstance(event, Keep))
     return Effect(changed, sample, decision)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from maipp.belief.refit import Hyperparameters
+from maipp.live.incremental_posterior import ConditionedSamples, IncrementalPosterior, correlations
 from maipp.live.refits import Refits
-from maipp.live.sample import Sample
-from maipp.live.seen import Old, Seen, correlations
-from maipp.live.stuck import Rows, alike
+from maipp.live.repeated_values import RepeatedValues, alike
+from maipp.live.scaled_measurement import ScaledMeasurement
 
 LEVEL = 5.0  # standard deviations; 6 in 10 million of Gaussian values are beyond
 
@@ -34,7 +34,7 @@ class Verdict(NamedTuple):
     run: int  # how often in a row its robot's sensor gave this value, up to it
 
 
-class _Step(NamedTuple):
+class _GateState(NamedTuple):
     """Where the judging stood before a measurement, and which of the earlier ones it let in."""
 
     accepted: int
@@ -47,16 +47,16 @@ class Gate:
     """Judges measurements, and remembers what it made of those before, so that one more costs little."""
 
     def __init__(
-        self, kernel: Hyperparameters, level: float, old: Old | None = None, refits: Refits | None = None
+        self, kernel: Hyperparameters, level: float, old: ConditionedSamples | None = None, refits: Refits | None = None
     ) -> None:
         """`level` is in standard deviations, 0 lets all in; `old` samples are from before; `refits` fit the kernel."""
         self.level, self.guess, self._refits = level, kernel, refits
-        self._seen = Seen(kernel, old)
-        self._rows = Rows()
+        self._seen = IncrementalPosterior(kernel, old)
+        self._rows = RepeatedValues()
         # Of each sample judged: what it is marked as, where the judging stood, its surprise, what was made of it.
-        self._samples: list[Sample] = []
+        self._samples: list[ScaledMeasurement] = []
         self._marks: list[str] = []  # "kept", "stuck" or nothing
-        self._steps: list[_Step] = []
+        self._steps: list[_GateState] = []
         self._scores: list[float] = []
         self._verdicts: list[Verdict] = []
         self._waiting: list[int] = []
@@ -77,7 +77,7 @@ class Gate:
         """What fits the kernel; None: it stays as it is."""
         return self._refits
 
-    def judge(self, samples: Sequence[Sample], kept: Collection[Sample] = ()) -> list[Verdict]:
+    def judge(self, samples: Sequence[ScaledMeasurement], kept: Collection[ScaledMeasurement] = ()) -> list[Verdict]:
         """The verdict on each of the samples, which are in the order of time; those `kept` count whatever they are."""
         samples = [*samples]
         self._rows.turn_to(samples)
@@ -90,7 +90,7 @@ class Gate:
         if self._steps and self._steps[0].kernel != start:
             self._rewind(0)
         if not self._samples:
-            self._seen.turn_to(start)
+            self._seen.switch_kernel(start)
         self._rewind(min(alike(samples, self._samples), alike(marks, self._marks)))
         for index in range(len(self._samples), len(samples)):
             self._take(samples[index], marks[index])
@@ -120,10 +120,10 @@ class Gate:
         self._verdicts[index] = self._verdicts[index]._replace(out=out)
         (self._out.add if out else self._out.discard)(index)
 
-    def _take(self, sample: Sample, mark: str) -> None:
+    def _take(self, sample: ScaledMeasurement, mark: str) -> None:
         """Judge one more."""
         seen = self._seen
-        step = _Step(seen.count, tuple(self._waiting), seen.kernel, [])
+        step = _GateState(seen.count, tuple(self._waiting), seen.kernel, [])
         index = len(self._samples)
         self._samples.append(sample)
         self._marks.append(mark)
@@ -156,7 +156,7 @@ class Gate:
                 self._decide(index, "surprise")
                 self._waiting.append(index)
         if self._refits is not None and self._refits.due(step.accepted - seen.old, seen.count - seen.old):
-            seen.turn_to(self._refits.after(seen))
+            seen.switch_kernel(self._refits.after(seen))
 
     def _usual(self) -> float:
         """How large surprises usually are, at least 1."""

@@ -9,7 +9,7 @@ import numpy as np
 from maipp.belief.refit import Hyperparameters
 from maipp.live.gate import Gate, Verdict
 from maipp.live.refits import Refits
-from maipp.live.sample import LARGEST_VALUE, Sample
+from maipp.live.scaled_measurement import LARGEST_VALUE, ScaledMeasurement
 from maipp.typing import Bool, Float, Int
 
 
@@ -23,7 +23,7 @@ class Slots(NamedTuple):
     mask: Bool[np.ndarray, " s"]
 
 
-class Decision(NamedTuple):
+class Override(NamedTuple):
     """What a person decided on a measurement, and when; of several the latest counts."""
 
     time: float
@@ -34,21 +34,21 @@ class Decision(NamedTuple):
 class Verdicts(NamedTuple):
     """What is made of the measurements that are not withdrawn."""
 
-    samples: list[Sample]  # in the order of time
+    samples: list[ScaledMeasurement]  # in the order of time
     verdicts: list[Verdict]
-    out: set[Sample]  # those that do not count, and those that are withdrawn
+    out: set[ScaledMeasurement]  # those that do not count, and those that are withdrawn
 
-    def of(self, sample: Sample) -> Verdict | None:
+    def of(self, sample: ScaledMeasurement) -> Verdict | None:
         """The verdict on one of them; None: it is withdrawn."""
         return self.verdicts[self.samples.index(sample)] if sample in self.samples else None
 
     @property
-    def counted(self) -> list[Sample]:
+    def counted(self) -> list[ScaledMeasurement]:
         """Those that count, in the order of time."""
         return [sample for sample, verdict in zip(self.samples, self.verdicts, strict=True) if verdict.out is None]
 
 
-class Measurements:
+class MeasurementSet:
     """The measurements so far, and which of them count.
 
     The same measurement reported under two ids counts once. All depends on the set of reports, not on their order.
@@ -57,17 +57,17 @@ class Measurements:
     def __init__(self, robots: int, room: int, real: np.dtype, gate: Gate) -> None:
         """Room for `room` measurements of each robot at first; it doubles when one of them needs more."""
         self._robots, self._room, self._real, self._gate = robots, room, real, gate
-        self._ordered: list[Sample] = []
-        self._seen: set[Sample] = set()
-        self._ids: dict[str, Sample] = {}  # of every report
-        self._decisions: dict[str, Decision] = {}  # by the id of the report
+        self._ordered: list[ScaledMeasurement] = []
+        self._seen: set[ScaledMeasurement] = set()
+        self._ids: dict[str, ScaledMeasurement] = {}  # of every report
+        self._decisions: dict[str, Override] = {}  # by the id of the report
         self._slots: Slots | None = None
 
     def __len__(self) -> int:
         """How many count."""
         return len(self._ordered) - len(self.verdicts().out)
 
-    def add(self, sample: Sample, report: str) -> None:
+    def add(self, sample: ScaledMeasurement, report: str) -> None:
         """Take in a measurement; `report` is the id of the event that told it."""
         if sample not in self._seen:
             insort(self._ordered, sample)
@@ -80,7 +80,7 @@ class Measurements:
         if (robots, room) != (self._robots, self._room):
             self._robots, self._room, self._slots = robots, room, None
 
-    def decide(self, report: str, decision: Decision) -> None:
+    def decide(self, report: str, decision: Override) -> None:
         """Take in what a person decided on the measurement told by a report, which may still come."""
         self._decisions[report] = max(decision, self._decisions.get(report, decision))
         self._slots = None
@@ -89,12 +89,12 @@ class Measurements:
         """Whether the report has come."""
         return report in self._ids
 
-    def has(self, sample: Sample) -> bool:
+    def has(self, sample: ScaledMeasurement) -> bool:
         """Whether the measurement has come, under whatever report."""
         return sample in self._seen
 
     def verdicts(
-        self, more: tuple[Sample, str] | None = None, decided: Mapping[str, Decision] | None = None
+        self, more: tuple[ScaledMeasurement, str] | None = None, decided: Mapping[str, Override] | None = None
     ) -> Verdicts:
         """What is made of the measurements.
 
@@ -106,7 +106,7 @@ class Measurements:
         decisions = dict(self._decisions)
         for report, decision in (decided or {}).items():
             decisions[report] = max(decision, decisions.get(report, decision))
-        latest: dict[Sample, Decision] = {}
+        latest: dict[ScaledMeasurement, Override] = {}
         for report, decision in decisions.items():
             sample = extra.get(report) or self._ids.get(report)
             if sample is not None:
@@ -117,14 +117,14 @@ class Measurements:
         verdicts = self._gate.judge(given, latest.keys() - withdrawn)
         return Verdicts(given, verdicts, withdrawn.union(given[index] for index in self._gate.out))
 
-    def reports(self, samples: Collection[Sample]) -> list[str]:
+    def reports(self, samples: Collection[ScaledMeasurement]) -> list[str]:
         """The ids of the reports that told these measurements, in order."""
         return sorted(report for report, sample in self._ids.items() if sample in samples) if samples else []
 
     @property
-    def everything(self) -> list[tuple[str, Sample, str | None]]:
+    def everything(self) -> list[tuple[str, ScaledMeasurement, str | None]]:
         """Every measurement in the order of time: its first report, and why it does not count (None: it counts)."""
-        verdicts, first = self.verdicts(), dict[Sample, str]()
+        verdicts, first = self.verdicts(), dict[ScaledMeasurement, str]()
         for report, sample in sorted(self._ids.items(), reverse=True):
             first[sample] = report
         out = {sample: verdict.out for sample, verdict in zip(*verdicts[:2], strict=True)}
@@ -165,7 +165,7 @@ class Measurements:
         """
         if self._slots is None:
             mean, scale = self.standard
-            own: list[list[Sample]] = [[] for _ in range(self._robots)]
+            own: list[list[ScaledMeasurement]] = [[] for _ in range(self._robots)]
             for sample in self.verdicts().counted:
                 own[sample.robot].append(sample)
             each = room_for(max(map(len, own)), self._room)

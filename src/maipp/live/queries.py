@@ -10,18 +10,18 @@ import numpy as np
 
 from maipp.belief.refit import Hyperparameters
 from maipp.foresight import Foresight, ForesightName, make_foresight
-from maipp.live.believe import believe
+from maipp.live.belief_query import believe
 from maipp.live.changes import Changes
-from maipp.live.measurements import Measurements
+from maipp.live.measurements import MeasurementSet
 from maipp.live.messages import describe
 from maipp.live.request import PROTOCOL
-from maipp.live.robots import TRAVELLING, Robot
+from maipp.live.robot_state import TRAVELLING, RobotState
 from maipp.live.units import Units
 from maipp.live.world import Setup, World
 from maipp.scenario import Scenario
 
 
-def hello(world: World, setup: Setup, robots: Sequence[Robot], events: int, changes: Changes) -> dict[str, Any]:
+def hello(world: World, setup: Setup, robots: Sequence[RobotState], events: int, changes: Changes) -> dict[str, Any]:
     """Protocol, planner, units, and the robots, the threshold and the zones as they are now."""
     units = setup.units
     starts = units.points_out(np.asarray(world.mission.start))
@@ -56,7 +56,7 @@ def _changed(setup: Setup, changes: Changes) -> dict[str, Any]:
 
 
 def state(
-    setup: Setup, robots: Sequence[Robot], events: int, measurements: Measurements, changes: Changes
+    setup: Setup, robots: Sequence[RobotState], events: int, measurements: MeasurementSet, changes: Changes
 ) -> dict[str, Any]:
     """What is known of the robots, what was changed, and how much has been reported."""
     units = setup.units
@@ -104,7 +104,7 @@ def told(kernel: Hyperparameters, old: int, units: Units) -> dict[str, Any]:
 def belief(
     world: World,
     setup: Setup,
-    measurements: Measurements,
+    measurements: MeasurementSet,
     points: Sequence[tuple[float, float]] | None,
     foresight: ForesightName | None = None,
 ) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from maipp.belief.refit import FEWEST, Hyperparameters, HyperPrior, refit
-from maipp.live.sample import Sample
-from maipp.live.seen import Seen
+from maipp.live.incremental_posterior import IncrementalPosterior
+from maipp.live.scaled_measurement import ScaledMeasurement
 from maipp.records import Length
 from maipp.records.kinds import Finite
 
@@ -28,7 +28,7 @@ class Refits:
         self.known: dict[str, Hyperparameters] = {}
         self.fresh: list[str] = []  # digests of those that are not yet in the journal
 
-    def start(self, samples: Sequence[Sample]) -> Hyperparameters:
+    def start(self, samples: Sequence[ScaledMeasurement]) -> Hyperparameters:
         """The kernel before the first fit to these samples, which are in the order of time."""
         guess = self.prior.guess
         if self.prior.level_known:
@@ -47,7 +47,7 @@ class Refits:
         """Whether measurements have become so many that the kernel is fitted anew."""
         return any(count in _COUNTS for count in range(before + 1, now + 1))
 
-    def after(self, seen: Seen) -> Hyperparameters:
+    def after(self, seen: IncrementalPosterior) -> Hyperparameters:
         """The kernel of what is seen."""
         count = seen.count
         x, y, factors = seen.x[:count], seen.y[:count], seen.factors[:count]

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from maipp.belief import Interest
-from maipp.engine.found import area_found
+from maipp.engine.area_found import area_found
 from maipp.kept import kept
-from maipp.live.believe import believe
+from maipp.live.belief_query import believe
+from maipp.live.live_survey import LiveSurvey
 from maipp.live.simulate import simulate
-from maipp.live.survey import LiveSurvey
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Array, Float
 

@@ -35,30 +35,30 @@ _Protocol = Annotated[str, _spoken, f"{PROTOCOL}, which is spoken here"]
 
 
 @dataclass(frozen=True)
-class State:
+class StateQuery:
     """What is known of the robots?"""
 
     id: Id | None = None
 
 
 @dataclass(frozen=True)
-class Hello(State):
+class HelloQuery(StateQuery):
     """Who answers here?"""
 
     protocol: _Protocol | None = None
 
 
 @dataclass(frozen=True)
-class Belief(State):
+class BeliefQuery(StateQuery):
     """What is believed of the field, at these points or on the evaluation grid?"""
 
     points: _Points | None = None
     foresight: ForesightName | None = None
 
 
-Query = Hello | State | Belief
+Query = HelloQuery | StateQuery | BeliefQuery
 
-QUERIES: dict[str, type[Query]] = {"hello": Hello, "state": State, "belief": Belief}
+QUERIES: dict[str, type[Query]] = {"hello": HelloQuery, "state": StateQuery, "belief": BeliefQuery}
 
 
 def parse_line(line: bytes) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from maipp.errors import InputError
+from maipp.live.live_survey import LiveSurvey
 from maipp.live.request import LONGEST_LINE, parse_line
-from maipp.live.survey import LiveSurvey
 
 _TOO_LONG = b"x" * (LONGEST_LINE + 1)
 

@@ -12,7 +12,7 @@ from maipp.live.events import Arrived, Measurement
 from maipp.typing import Float
 
 if TYPE_CHECKING:
-    from maipp.live.survey import LiveSurvey
+    from maipp.live.live_survey import LiveSurvey
 
 Field = Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, " n"]]
 

@@ -7,10 +7,10 @@ from maipp.errors import InputError
 from maipp.live.belief_maps import BeliefMaps, belief_maps
 from maipp.live.effects import inside, taken_late
 from maipp.live.events import Change, Event, Heard, fingerprint, read_event
+from maipp.live.journal_entries import read_change
+from maipp.live.live_survey import LiveSurvey
 from maipp.live.refits import Fits, take_up
-from maipp.live.robots import Robot
-from maipp.live.survey import LiveSurvey
-from maipp.live.written import read_change
+from maipp.live.robot_state import RobotState
 from maipp.records import Value
 
 
@@ -24,7 +24,7 @@ class TeamSurvey(LiveSurvey):
         """From now on put the record of what is reported here into a log, on the disk, before it is answered."""
         self._keep = append
 
-    def robot(self, name: str) -> Robot:
+    def robot(self, name: str) -> RobotState:
         """What is known of a robot; not to be changed."""
         return self._robots[self._names.index(name)]
 

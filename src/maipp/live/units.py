@@ -9,7 +9,7 @@ from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.live.sample import LARGEST_VALUE
+from maipp.live.scaled_measurement import LARGEST_VALUE
 from maipp.roadmap import Obstacles
 from maipp.surveys.systems import PIECES
 from maipp.typing import Float

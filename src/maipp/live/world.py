@@ -18,9 +18,9 @@ from maipp.engine import Mission, Planner, draw_missions
 from maipp.engine.keys import key_of
 from maipp.errors import InputError
 from maipp.live.gate import LEVEL, Gate
+from maipp.live.incremental_posterior import ConditionedSamples
 from maipp.live.kernel import guess_of, interest_under, under
 from maipp.live.refits import Refits
-from maipp.live.seen import Old
 from maipp.live.site import Site
 from maipp.live.units import Units
 from maipp.planners import planner_note
@@ -70,7 +70,7 @@ def make_gate(mission: Mission, scenario: Scenario, level: float, adapt: HyperPr
         return Gate(kernel, level, None, refits)
     noise = np.full(len(mission.prior_y), kernel.noise) if mission.prior_noise is None else mission.prior_noise
     x, y, variance = (np.asarray(array, np.float64) for array in (mission.prior_x, mission.prior_y, noise))
-    return Gate(kernel, level, Old(x, y, variance / kernel.noise), refits)
+    return Gate(kernel, level, ConditionedSamples(x, y, variance / kernel.noise), refits)
 
 
 Prior = tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, " p"]]

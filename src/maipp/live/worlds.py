@@ -11,8 +11,8 @@ import numpy as np
 from maipp.engine import Mission, Planner
 from maipp.errors import InputError
 from maipp.kept import kept
-from maipp.live.changes import Changes, Level
-from maipp.live.ground import Ground
+from maipp.live.changes import Changes, ThresholdSetting
+from maipp.live.survey_limits import SurveyLimits
 from maipp.live.world import Setup, World, draw_world
 from maipp.planners import make_planner
 from maipp.problem import Problem, shape_of
@@ -21,7 +21,7 @@ from maipp.scenario import Scenario
 from maipp.surveys.standardise import interest_beta
 
 
-class Worlds(Ground):
+class Worlds(SurveyLimits):
     """The world of the mission, and those that changes make of it; each is drawn when it is first asked for."""
 
     def __init__(self, base: World, setup: Setup) -> None:
@@ -67,7 +67,7 @@ class Worlds(Ground):
         ends = scenario.ends_from(scenario.starts)
         return home_of(ends, scenario.obstacles, scenario.extent, scenario.grid)
 
-    def _from_threshold(self, world: World, level: Level) -> World:
+    def _from_threshold(self, world: World, level: ThresholdSetting) -> World:
         """The world with another threshold, and the confidence that goes with it."""
         own = not self.setup.beta_follows
         beta = world.scenario.beta if own else interest_beta(level.value)

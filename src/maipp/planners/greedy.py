@@ -5,10 +5,10 @@ import jax.numpy as jnp
 from maipp.belief import to_rank
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import option
+from maipp.planners.announced.announced_measurements import count_targets, no_target
 from maipp.planners.announced.meeting import appointment
-from maipp.planners.announced.told import count_targets, no_target
 from maipp.planners.lookahead import predicted_trace
-from maipp.planners.roadmap.edges import edges_here
+from maipp.planners.roadmap.edges import feasible_edges
 from maipp.typing import Key
 
 
@@ -29,7 +29,7 @@ class Greedy(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """The neighbour with the lowest predicted Tr(P); stops when the budget reaches none."""
-        here = edges_here(self.scenario, observation, appointment(self.scenario, observation, meet=False))
+        here = feasible_edges(self.scenario, observation, appointment(self.scenario, observation, meet=False))
         value = self.scenario.virtual_value
         belief = count_targets(observation, value) if self.shared else observation.belief
         next_one = here.targets[:, None, :], here.allowed[:, None]

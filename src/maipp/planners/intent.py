@@ -15,16 +15,16 @@ from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import option, part
 from maipp.errors import InputError
 from maipp.foresight import Foresight, ForesightName
+from maipp.planners.announced.announced_measurements import latest
 from maipp.planners.announced.intents import with_intents
-from maipp.planners.announced.told import latest
 from maipp.planners.paths.path_sampler import Choice, PathSampler
-from maipp.planners.paths.paths import Paths, Situation
+from maipp.planners.paths.paths import AgentState, Paths
 from maipp.planners.roadmap.edges import roadmap_of
 from maipp.planners.search.prospect import aim_of, check_aim, foresight_for, prospect_of
 from maipp.policy import Memory
 from maipp.problem import longest_side
 from maipp.team import COVARIANCE_FLOOR, Intent, destination_intent, fuse_intents, no_intent, trajectory_intent
-from maipp.team.intent import is_told
+from maipp.team.intent import is_announced
 from maipp.typing import Array, Float, Index, Int, Key
 
 # Smoothing of the area's border where paths are ranked by what they are expected to leave, field units.
@@ -109,11 +109,11 @@ class IntentPlanner(Planner):
         intents = latest(observation.heard, observation.messages, memory.intents)
         if self.recall:
             # Silence may mean out of range: what was last heard is still the best guess of where that agent measures.
-            observation = dataclasses.replace(observation, messages=intents, heard=is_told(intents))
+            observation = dataclasses.replace(observation, messages=intents, heard=is_announced(intents))
         heard = observation.heard & self.listen
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         intent = fuse_intents(observation.messages, heard, nodes)
-        situation = self.sampler.situation(observation, observation.at_nodes, intent)
+        situation = self.sampler.agent_state(observation, observation.at_nodes, intent)
         insight = self.sampler.look(situation, memory.trajectory)
         path_key, choice_key = jax.random.split(key)
         paths = self.sampler.sample(
@@ -148,7 +148,7 @@ class IntentPlanner(Planner):
     def _ranks(self) -> bool:
         return self.choose == "best" or self.share == "best"
 
-    def _scores(self, observation: Observation, situation: Situation, paths: Paths) -> Float[Array, " a"]:
+    def _scores(self, observation: Observation, situation: AgentState, paths: Paths) -> Float[Array, " a"]:
         """What each path leaves: the Tr(P) predicted, or expected, at its end."""
         belief = observation.belief if self.rank == "stationary" else self.counted(observation)
         mean, variance = self.sampler.outcomes(belief, situation, paths)

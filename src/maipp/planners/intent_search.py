@@ -14,7 +14,7 @@ from maipp.engine.polyline import along_paths
 from maipp.errors import InputError
 from maipp.planners.announced.announcement import Announcement, nothing_announced
 from maipp.planners.paths.path_sampler import PathSampler
-from maipp.planners.paths.paths import Paths, Situation
+from maipp.planners.paths.paths import AgentState, Paths
 from maipp.planners.roadmap.edges import roadmap_of
 from maipp.planners.search.outlook import Ahead
 from maipp.planners.search.plan_search import LegMemory, PlanSearch
@@ -77,7 +77,7 @@ class IntentSearch(Planner):
         ahead = search.ahead(observation)
         belief, heard = search.counted(observation, memory.legs.heard)
 
-        situation = sampler.situation(observation, observation.at_nodes, self._map(observation, heard))
+        situation = sampler.agent_state(observation, observation.at_nodes, self._map(observation, heard))
         insight = sampler.look(situation, memory.trajectory)
         paths = sampler.sample(path_key, situation, insight, paths=self.paths, steps=self.nodes, distinct=self.distinct)
         outlook, proposals = search.outlook(observation, belief, ahead), self._proposals(situation, paths, ahead)
@@ -92,7 +92,7 @@ class IntentSearch(Planner):
         intents: Intent = jax.vmap(lambda points, mask: fit_intent(points, mask, floor))(heard.points, told)
         return fuse_intents(intents, told.any(axis=1), jnp.asarray(roadmap_of(observation).nodes))
 
-    def _proposals(self, situation: Situation, paths: Paths, ahead: Ahead) -> Float[Array, "a h 2"]:
+    def _proposals(self, situation: AgentState, paths: Paths, ahead: Ahead) -> Float[Array, "a h 2"]:
         """The sampled paths as plans: from one measurement to the next, units of a leg."""
         nodes = jnp.asarray(situation.roadmap.nodes)[paths.nodes]
         points, _ = along_paths(situation.position, nodes, ahead.offsets)

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import option
 from maipp.errors import InputError
+from maipp.planners.plane.planner_zones import planner_zones
 from maipp.planners.plane.rows import MOST_ROWS, strip, tuned, vertices
 from maipp.planners.plane.sweep import Sweep, clipped_sweep
-from maipp.planners.plane.zones import planner_zones
-from maipp.roadmap.ways import TURNS, waypoints, ways_from
+from maipp.roadmap.shortest_paths import TURNS, shortest_paths, waypoints
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE, Scenario
 from maipp.typing import Array, Float, Index, Int, Key
@@ -78,7 +78,7 @@ class Lawnmower(Planner):
         _, _, from_right, from_top = strip(self.scenario, observation, self.tuned()[1])
         variant = 2 * from_top.astype(jnp.int32) + from_right.astype(jnp.int32)
         order = sweep.order[observation.agent, variant]
-        ways = ways_from(zones, here, sweep.points[order], sweep.onward[:, order])
+        ways = shortest_paths(zones, here, sweep.points[order], sweep.onward[:, order])
         ahead = jnp.arange(len(order)) >= memory
         ahead &= (
             sweep.valid[observation.agent, variant] & jnp.isfinite(ways.length) & (ways.length > DISTANCE_TOLERANCE)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.planners.announced.meeting import appointment
-from maipp.planners.roadmap.edges import edges_here
+from maipp.planners.roadmap.edges import feasible_edges
 from maipp.typing import Key
 
 
@@ -17,6 +17,6 @@ class RandomWalk(Planner):
 
     def decide(self, key: Key, observation: Observation, memory: PyTree) -> Decision:
         """A random reachable neighbour; stops when there is none."""
-        here = edges_here(self.scenario, observation, appointment(self.scenario, observation, meet=False))
+        here = feasible_edges(self.scenario, observation, appointment(self.scenario, observation, meet=False))
         choice = jax.random.categorical(key, jnp.where(here.allowed, 0.0, -jnp.inf))
         return Decision(here.targets[choice][None], self.empty_message(), memory, ~here.allowed.any())

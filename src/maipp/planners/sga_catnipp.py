@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from maipp.belief import Belief
 from maipp.engine.decision import Decision, Observation, Planner, PyTree
 from maipp.engine.options import option, part
-from maipp.planners.announced.told import count_targets, no_target
+from maipp.planners.announced.announced_measurements import count_targets, no_target
 from maipp.planners.paths.path_sampler import Choice, PathSampler
 from maipp.planners.roadmap.edges import roadmap_of
 from maipp.typing import Key
@@ -45,7 +45,7 @@ class SgaCatnipp(Planner):
         """The decision, and what a trainer needs to know of it."""
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         nobody = jnp.zeros(nodes.shape[0], nodes.dtype)
-        situation = self.sampler.situation(observation, self.counted(observation).on(nodes), nobody)
+        situation = self.sampler.agent_state(observation, self.counted(observation).on(nodes), nobody)
         insight = self.sampler.look(situation, memory)
         index = self.sampler.choose(key, insight, sampled=self.choose == "sample")
         target = nodes[insight.view.neighbours[index]]

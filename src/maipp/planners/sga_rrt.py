@@ -13,8 +13,8 @@ from maipp.engine.polyline import first_part
 from maipp.errors import InputError
 from maipp.planners.announced.announcement import Announcement, nothing_announced, with_announced
 from maipp.planners.lookahead import measurement_offsets, predicted_trace
+from maipp.planners.plane.planner_zones import planner_zones
 from maipp.planners.plane.tree import TreePath, better_path, grow_tree
-from maipp.planners.plane.zones import planner_zones
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Key

@@ -20,6 +20,7 @@ from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.policy.network import PolicyNetwork
 from maipp.records import Value, Within, read_json
+from maipp.renamed import renamed
 
 SCHEMA = "maipp.policy/1"
 
@@ -30,7 +31,7 @@ _Size = Annotated[int, Within(1, most=8192)]
 
 
 @dataclass(frozen=True)
-class _Architecture:
+class _PolicyNetworkArguments:
     """The arguments of `PolicyNetwork` that a card names."""
 
     width: _Size
@@ -40,7 +41,7 @@ class _Architecture:
     use_intent: bool
 
 
-class Kind(NamedTuple):
+class WeightsKind(NamedTuple):
     """What a file of weights holds."""
 
     schema: str  # that its card names
@@ -48,10 +49,10 @@ class Kind(NamedTuple):
     network: Callable[..., Any]  # of a random key and the values of that dataclass; it has them as its `architecture`
 
 
-POLICY = Kind(SCHEMA, _Architecture, PolicyNetwork)
+POLICY = WeightsKind(SCHEMA, _PolicyNetworkArguments, PolicyNetwork)
 
 
-def save_weights(network: Any, path: StrPath, card: dict[str, Any], kind: Kind = POLICY) -> None:
+def save_weights(network: Any, path: StrPath, card: dict[str, Any], kind: WeightsKind = POLICY) -> None:
     """Write the weights to `path` (.safetensors) and the card beside them (.json).
 
     The card is `card` (how the weights were trained, on what, with which result: anything JSON can hold) with the
@@ -73,7 +74,7 @@ def save_weights(network: Any, path: StrPath, card: dict[str, Any], kind: Kind =
     write_atomic(card_path, text + "\n")
 
 
-def load_weights(path: StrPath, kind: Kind = POLICY) -> tuple[Any, dict[str, Any]]:
+def load_weights(path: StrPath, kind: WeightsKind = POLICY) -> tuple[Any, dict[str, Any]]:
     """The network of this kind in a file that `save_weights` wrote, and its card.
 
     Raises InputError naming the file where either file is missing, is not what it should be, or does not belong to
@@ -154,3 +155,6 @@ def _tensor(tensor: dict[str, Any], shape: tuple[int, ...], where: str) -> jax.A
     if not np.isfinite(array).all():
         raise InputError(f"{where} holds NaN or infinite weights")
     return jnp.asarray(array)
+
+
+renamed(__name__, Kind="WeightsKind")

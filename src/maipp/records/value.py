@@ -75,6 +75,11 @@ class Value:
         """The value as the annotation has it (`maipp.records.fit`); `allowed` says in words what may be given."""
         return fitted(annotation, self.value, self.key, allowed, self.where)
 
+    def part(self, kind: type, name: str) -> Any:
+        """The value under a key, which must be there, as the field of that name of this dataclass has it."""
+        (field,) = (each for each in fields_of(kind) if each.name == name)
+        return self[name].fit(field.annotation, field.allowed)
+
     def record(
         self,
         kind: Callable[..., Record],

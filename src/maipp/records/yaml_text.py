@@ -96,7 +96,7 @@ def read_yaml(text: str, source: str, *, empty: str) -> Value:
         if not isinstance(root, yaml.MappingNode):
             raise FieldError("", "not a mapping; give lines of `key: value`", f"{source}:{root.start_mark.line + 1}: ")
         lines: dict[str, int] = {}
-        return Value(_Tree(loader, source, lines).value(root, ""), source, "", lines)
+        return Value(_ValueTree(loader, source, lines).value(root, ""), source, "", lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"{source}:{mark.line + 1}: " if mark else where
@@ -110,7 +110,7 @@ def read_yaml(text: str, source: str, *, empty: str) -> Value:
         raise FieldError("", "nested too deeply; give plain lists and mappings", where) from None
 
 
-class _Tree:
+class _ValueTree:
     """Makes values of nodes and notes the line of every key and item, under its path such as `robots[1].start`.
 
     A node that aliases repeat is read once: they cannot make this slow.

@@ -3,7 +3,7 @@
 `read_taken` reads either, `write_result` writes the files. The map is the belief at the end, from what counts.
 """
 
-from maipp.results.files import write_result
+from maipp.results.result_files import write_result
 from maipp.results.sources import read_taken
 from maipp.results.taken import Taken
 

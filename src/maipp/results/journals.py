@@ -16,8 +16,8 @@ from maipp.foresight import Foresight
 from maipp.geo import GeoReference
 from maipp.live.kernel import interest_under, under
 from maipp.live.measurements import Slots
-from maipp.live.record import Record, read_record
-from maipp.live.robots import GONE, STOPPED, WAITING, Robot
+from maipp.live.recorded_survey import RecordedSurvey, read_record
+from maipp.live.robot_state import GONE, STOPPED, WAITING, RobotState
 from maipp.results.taken import Out, Taken, TakenRobot, TakenSample, from_home
 from maipp.scenario import Scenario
 from maipp.surveys.standardise import PreparedSurvey
@@ -38,7 +38,7 @@ def taken_live(path: str | os.PathLike[str], mission: PreparedSurvey | Scenario 
     return taken_from(read_record(path, mission), str(path))
 
 
-def taken_from(record: Record, source: str) -> Taken:
+def taken_from(record: RecordedSurvey, source: str) -> Taken:
     """What a live survey took home so far; `source` is where its record is from."""
     place, slots = record.place, record.measurements.slots()
     epoch, site, robots = place.units.epoch, place.site, _robots(record)
@@ -76,7 +76,7 @@ def taken_from(record: Record, source: str) -> Taken:
 
 
 def _belief(
-    record: Record, points: Float[np.ndarray, "p 2"], foresight: Foresight | None = None
+    record: RecordedSurvey, points: Float[np.ndarray, "p 2"], foresight: Foresight | None = None
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """The belief in the values of the episode, which are standardised by the kernel that was found."""
     mean, std = record.belief(points, foresight)
@@ -84,7 +84,7 @@ def _belief(
     return (mean - level) / scale, std / scale
 
 
-def _samples(record: Record) -> list[TakenSample]:
+def _samples(record: RecordedSurvey) -> list[TakenSample]:
     judged, samples = record.measurements.verdicts(), []
     verdicts = dict(zip(judged.samples, judged.verdicts, strict=True))
     for report, sample, reason in record.measurements.everything:
@@ -98,7 +98,7 @@ def _samples(record: Record) -> list[TakenSample]:
     return samples
 
 
-def _robots(record: Record) -> tuple[TakenRobot, ...]:
+def _robots(record: RecordedSurvey) -> tuple[TakenRobot, ...]:
     scenario, rows = record.place.scenario, []
     ends = scenario.ends_from(record.place.starts) if scenario.homes else ((),) * scenario.agents
     interval, everything = scenario.measurement_interval, record.measurements.everything
@@ -125,7 +125,7 @@ def _robots(record: Record) -> tuple[TakenRobot, ...]:
     return tuple(rows)
 
 
-def _status(robot: Robot) -> str:
+def _status(robot: RobotState) -> str:
     if robot.status == WAITING:
         return "only measured, and asked for no way" if robot.measured else "never reported that it set out"
     if robot.status == GONE:
@@ -135,7 +135,7 @@ def _status(robot: Robot) -> str:
     return "on its way home" if robot.homeward else "on its way"
 
 
-def _travelled(record: Record, number: int) -> float:
+def _travelled(record: RecordedSurvey, number: int) -> float:
     """Way travelled, as the odometer said last; of a robot that tells none, through the places that it reported."""
     robot = record.robots[number]
     told = [way for _, way in robot.measured if way >= 0]
@@ -147,7 +147,7 @@ def _travelled(record: Record, number: int) -> float:
     return robot.odometer + since
 
 
-def _episode(record: Record, slots: Slots) -> Episode:
+def _episode(record: RecordedSurvey, slots: Slots) -> Episode:
     """The record of the live survey, as of a planned one: routes as they were reported, and the samples that count."""
     place = record.place
     counts = [int((slots.mask & (slots.by == number)).sum()) for number in range(len(record.robots))]
@@ -183,7 +183,7 @@ def _episode(record: Record, slots: Slots) -> Episode:
     return dataclasses.replace(episode, recorded=_metrics(episode))
 
 
-def _agent(record: Record, slots: Slots, number: int, counts: list[int]) -> AgentRecord:
+def _agent(record: RecordedSurvey, slots: Slots, number: int, counts: list[int]) -> AgentRecord:
     robot, real = record.robots[number], slots.x.dtype
     fixes = np.array(sorted(record.fixes[number], key=lambda fix: fix.time), np.float64)
     moved = np.append(True, (np.diff(fixes[:, 1:], axis=0) != 0).any(axis=1) | (np.diff(fixes[:, 0]) > 0))

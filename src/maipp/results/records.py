@@ -7,9 +7,9 @@ import numpy as np
 
 from maipp.engine.episode import Episode
 from maipp.engine.episode_io import read_episode
-from maipp.live.believe import moments
+from maipp.live.belief_problem import mission_of
+from maipp.live.belief_query import moments
 from maipp.live.measurements import Slots
-from maipp.live.place import mission_of
 from maipp.results.taken import Beliefs, Taken, TakenRobot, TakenSample, from_home
 from maipp.surveys.standardise import EVERYTHING
 
@@ -45,7 +45,7 @@ def taken_recorded(path: str | os.PathLike[str]) -> Taken:
         truth_known=not episode.expected,
         samples=tuple(_samples(episode, names)),
         robots=_robots(episode, names),
-        belief=_belief(episode),
+        belief=belief_of(episode),
         notes=(_EXPECTED,) if episode.expected else (),
     )
 
@@ -84,7 +84,7 @@ def _robots(episode: Episode, names: tuple[str, ...]) -> tuple[TakenRobot, ...]:
     return tuple(rows)
 
 
-def _belief(episode: Episode) -> Beliefs:
+def belief_of(episode: Episode) -> Beliefs:
     """The belief from all that was measured, asked as that of a live survey is."""
     prior, starts = episode.prior, np.stack([agent.start for agent in episode.agents])
     samples = None if prior is None else (np.asarray(prior.x), np.asarray(prior.y))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from maipp.errors import InputError
 from maipp.fleet.folder import PLACE
-from maipp.fleet.record import is_fleet_folder, read_fleet_record
+from maipp.fleet.recorded_fleet import is_fleet_folder, read_fleet_record
 from maipp.results.journals import taken_from, taken_live
 from maipp.results.records import taken_recorded
 from maipp.results.taken import Taken

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from maipp.errors import InputError
 from maipp.fields.mixture import host_grid
-from maipp.roadmap.free_run import is_free
-from maipp.roadmap.ways import TURNS, sight
+from maipp.roadmap.collision import is_collision_free
+from maipp.roadmap.shortest_paths import TURNS, sight
 from maipp.roadmap.zones import Borders, FreeSpace, Polygons, borders_of, everywhere, free_space, padded
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Int, Point
@@ -47,17 +47,17 @@ class Home(eqx.Module):
 
 def lengths_home(home: Home, points: Float[Array, "p 2"]) -> Float[Array, " p"]:
     """Length of the shortest way from each point to one agent's home, domain units; inf where there is none."""
-    straight, around, _, _ = _ways(home, points)
+    straight, around, _, _ = _path_lengths(home, points)
     return jnp.minimum(jnp.min(straight, axis=-1), jnp.min(around, axis=-1, initial=jnp.inf))
 
 
-def way_home(home: Home, here: Point) -> Float[Array, "w 2"]:
+def path_home(home: Home, here: Point) -> Float[Array, "w 2"]:
     """The first waypoints of the shortest way to one agent's home; its end again and again once it is reached.
 
     Where there is none it leads straight to the nearest place, whatever lies between.
     """
     ends, borders = home.ends, home.borders
-    straight, around, lengths, there = (each[0] for each in _ways(home, here[None]))
+    straight, around, lengths, there = (each[0] for each in _path_lengths(home, here[None]))
     door = jnp.argmin(jnp.where(jnp.isfinite(jnp.min(straight)), straight, lengths))
     if borders is None:
         return jnp.broadcast_to(ends.places[door], (WAYPOINTS, 2))
@@ -72,7 +72,7 @@ def way_home(home: Home, here: Point) -> Float[Array, "w 2"]:
     return jnp.stack([*points, jnp.where(arrived, ends.places[door], points[-1])])
 
 
-def _ways(home: Home, points: Float[Array, "p 2"]) -> tuple[Array, Array, Array, Array]:
+def _path_lengths(home: Home, points: Float[Array, "p 2"]) -> tuple[Array, Array, Array, Array]:
     """Lengths straight to each door and on (p, k), by way of each corner (p, v), inf where zones are between.
 
     The others are those straight to each door whatever is between (p, k), and whether a point is between a place and
@@ -84,7 +84,7 @@ def _ways(home: Home, points: Float[Array, "p 2"]) -> tuple[Array, Array, Array,
     lengths = jnp.where(there, away, _distances(points, ends.doors) + ends.steps)
     if borders is None:
         return lengths, jnp.full((len(points), 0), jnp.inf, lengths.dtype), lengths, there
-    straight = jnp.where(there | is_free(borders, points[:, None], ends.doors), lengths, jnp.inf)
+    straight = jnp.where(there | is_collision_free(borders, points[:, None], ends.doors), lengths, jnp.inf)
     around = jax.vmap(sight, (None, 0))(borders, points) + ends.onward
     return straight, around, lengths, there
 

@@ -55,7 +55,7 @@ class Zones(eqx.Module):
 
     borders: Borders
     legs: Float[Array, "v v"]  # length of the straight leg between two corners, inf where a zone is between them
-    ways: Float[Array, "v v"]  # length of the shortest way
+    corner_lengths: Float[Array, "v v"]  # length of the shortest way
     places: Float[Array, "q 2"]  # the points of the evaluation grid, those at the edge of a zone moved out of it
     to_place: Float[
         Array, "v q"
@@ -89,14 +89,14 @@ class FreeSpace:
         """Length of the straight leg from each point to each end, domain units; inf: a zone is between."""
         return _lengths(points, ends, self._core)
 
-    def ways_to(self, points: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "v t"]:
+    def corner_lengths_to(self, points: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, "v t"]:
         """Length of the shortest way from each corner to each point of `outside`, domain units; inf: there is none."""
         return _shortest(self.legs, _lengths(self.corners, points, self._core))
 
     def lengths_to(self, points: Float[np.ndarray, "q 2"], end: Float[np.ndarray, "2"]) -> Float[np.ndarray, " q"]:
         """Length of the shortest way from each point of `outside` to another one, domain units; inf: there is none."""
         straight = _lengths(points, end[None], self._core)[:, 0]
-        around = _lengths(points, self.corners, self._core) + self.ways_to(end[None])[:, 0]
+        around = _lengths(points, self.corners, self._core) + self.corner_lengths_to(end[None])[:, 0]
         return np.minimum(straight, around.min(axis=1, initial=np.inf))
 
     def length_between(self, point: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]) -> float:
@@ -105,7 +105,9 @@ class FreeSpace:
         steps = np.hypot(*(moved - np.stack([point, end])).T).sum()
         return float(self.lengths_to(moved[:1], moved[1])[0] + steps) if reached.all() else math.inf
 
-    def way(self, point: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]) -> Float[np.ndarray, "w 2"] | None:
+    def shortest_path(
+        self, point: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]
+    ) -> Float[np.ndarray, "w 2"] | None:
         """The shortest way between two points, which may lie at the edge of a zone, both included.
 
         None where there is none; a place may be there twice in a row.
@@ -113,7 +115,7 @@ class FreeSpace:
         moved, reached = self.moved_out(np.stack([point, end]))
         if not reached.all():
             return None
-        places, onward = [point, moved[0]], self.ways_to(moved[1:])[:, 0]
+        places, onward = [point, moved[0]], self.corner_lengths_to(moved[1:])[:, 0]
         around = _lengths(moved[:1], self.corners, self._core)[0] + onward
         while not np.isfinite(_lengths(places[-1][None], moved[1:], self._core)[0, 0]):
             if not np.isfinite(around.min(initial=np.inf)) or len(places) > len(self.corners) + 2:
@@ -147,13 +149,13 @@ def zones_of(scenario: Scenario, edges: int = 0, corners: int = 0) -> Zones | No
     free = free_space(scenario.obstacles, scenario.extent)
     size = max(scenario.extent)
     places, reached = free.moved_out(host_grid(scenario.grid, scenario.extent))
-    to_place = np.where(reached, free.ways_to(places), np.inf)
+    to_place = np.where(reached, free.corner_lengths_to(places), np.inf)
     borders = borders_of(free, scenario.extent, edges, corners)
     v, grid = len(borders.corners), (scenario.grid, scenario.grid)
     return Zones(
         borders=borders,
         legs=padded(free.legs, (v, v), np.inf),
-        ways=padded(free.ways_to(free.corners), (v, v), np.inf),
+        corner_lengths=padded(free.corner_lengths_to(free.corners), (v, v), np.inf),
         # A place that cannot be reached must not seem to be in sight either.
         places=padded(np.where(reached[:, None], places, -size), places.shape, 0.0),
         to_place=padded(to_place, (v, len(places)), np.inf),

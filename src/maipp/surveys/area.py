@@ -29,7 +29,7 @@ _WORTH_TELLING = 0.001  # share of the area from which a part that is lost gets 
 
 
 @dataclass(frozen=True)
-class FreeSpace:
+class OperatingArea:
     """The region that routes keep to, and the starts in it."""
 
     region: Polygon  # with islands as holes; a border of it lies `margin` or more inside the true one
@@ -77,7 +77,7 @@ def check_size(bounds: tuple[float, float, float, float], where: str) -> None:
         raise InputError(f"{where}: is {longest / 1000:.0f} km across; give an area of at most {_SPAN[1] / 1000:g} km")
 
 
-def free_space(
+def operating_area(
     area: BaseGeometry,
     no_go: BaseGeometry,
     starts: list[Start],
@@ -85,7 +85,7 @@ def free_space(
     where: str,
     told: PlaceNames,
     ashore: float = 5.0,
-) -> FreeSpace:
+) -> OperatingArea:
     """The part of the area that the robots can reach from their starts with this clearance from every border.
 
     The border is simplified inward: the region lies inside the true one, by the clearance and some more for rounding.
@@ -131,7 +131,7 @@ def free_space(
         moved.append(place)
         if distance > 1.0:
             warnings.append(f"{start.name}: the {start.what} is moved {distance:.0f} m, to {told.place(Point(place))}")
-    return FreeSpace(region, np.array(moved), margin, tuple(warnings))
+    return OperatingArea(region, np.array(moved), margin, tuple(warnings))
 
 
 def _shrink(true: BaseGeometry, clearance: float, longest: float) -> tuple[list[Polygon], float, float]:

@@ -11,17 +11,18 @@ from maipp.engine.episode import Episode
 from maipp.engine.keys import key_of
 from maipp.engine.rollout import run_recorded
 from maipp.errors import InputError
-from maipp.planners.announced.record import tells_plans, told_in, whole_message
+from maipp.planners.announced.recorded_messages import broadcasts_of, tells_plans, whole_message
+from maipp.renamed import renamed
 from maipp.surveys.expected_field import ExpectedField
 from maipp.surveys.standardise import PreparedSurvey
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 
 
-class Expected(NamedTuple):
+class ExpectedSurvey(NamedTuple):
     """The survey as it is expected to go."""
 
     episode: Episode
-    told: tuple[Told, ...]  # what the robots tell each other, where that says where they are going
+    broadcasts: tuple[Broadcast, ...]  # what the robots tell each other, where that says where they are going
 
 
 def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Episode:
@@ -33,7 +34,7 @@ def expected_mission(prepared: PreparedSurvey, *, seed: int | None = None) -> Ep
     return expected_course(prepared, seed=seed).episode
 
 
-def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Expected:
+def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> ExpectedSurvey:
     """As `expected_mission`, with what the robots tell each other on the way."""
     planner = prepared.make_planner()
     seed = prepared.survey.seed if seed is None else seed
@@ -42,14 +43,14 @@ def expected_course(prepared: PreparedSurvey, *, seed: int | None = None) -> Exp
     key, told = key_of(seed), ()
     if tells_plans(planner):
         states, events = run_recorded(planner, missions, key, whole_message)
-        told = told_in(events)
+        told = broadcasts_of(events)
     else:
         states = jax.block_until_ready(run_missions(planner, missions, key))
     options = {name: _plain(value) for name, value in prepared.planner_options.items()}
     episode = Episode.from_state(
         prepared.scenario, prepared.planner, options, seed, missions, states, reference=prepared.frame
     )
-    return Expected(dataclasses.replace(episode, expected=True), told)
+    return ExpectedSurvey(dataclasses.replace(episode, expected=True), told)
 
 
 def draw(
@@ -76,3 +77,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+renamed(__name__, Expected="ExpectedSurvey")

@@ -7,7 +7,7 @@ from maipp.scenario import Scenario
 Pair = tuple[float, float]
 
 
-def ways_home(scenario: Scenario) -> list[tuple[Pair | None, float | None]]:
+def distances_home(scenario: Scenario) -> list[tuple[Pair | None, float | None]]:
     """Of each robot the nearest place where it may end and the shortest way there from its start, domain units.
 
     None for a robot that may end anywhere; the way is inf where zones leave none. Starts must be given.

@@ -13,9 +13,9 @@ from maipp.fields.sample_columns import DEGREES, position_column, value_column, 
 from maipp.fields.samples import Samples, positions, strays
 from maipp.fields.times import times_of, utc
 from maipp.files import read_bytes
+from maipp.surveys.mission_file import SampleFile
 from maipp.surveys.shapes.gpx import place_of, track_points
 from maipp.surveys.shapes.xml_text import LARGEST, parse_xml, text_of
-from maipp.surveys.survey import SampleFile
 from maipp.typing import Float
 
 _LONGEST_GAP = 60.0  # seconds between two points of a track that a position is interpolated over

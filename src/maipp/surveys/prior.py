@@ -12,11 +12,11 @@ from maipp.errors import InputError
 from maipp.fields.samples import Samples, load_samples
 from maipp.geo import WGS84, Crs, GeoReference
 from maipp.scenario import Scenario
-from maipp.surveys.area import FreeSpace
+from maipp.surveys.area import OperatingArea
 from maipp.surveys.clean import Cleaned, fitted, merged, without_spikes
 from maipp.surveys.joined import joined
-from maipp.surveys.place import Place
-from maipp.surveys.survey import SampleFile, Survey
+from maipp.surveys.mission_file import MissionFile, SampleFile
+from maipp.surveys.projected_area import ProjectedArea
 from maipp.surveys.systems import file_system, to_user
 from maipp.typing import Float
 
@@ -52,7 +52,7 @@ class Prior:
     warnings: tuple[str, ...]
 
 
-def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
+def find_prior(survey: MissionFile, place: ProjectedArea, space: OperatingArea) -> Prior:
     """The prior of a survey: what the file says of the kernel wins over the fit, the fit over assumptions.
 
     Raises `InputError` for samples that cannot be used.
@@ -104,7 +104,7 @@ def find_prior(survey: Survey, place: Place, space: FreeSpace) -> Prior:
     )
 
 
-def hyper_prior(survey: Survey, scenario: Scenario, fit: Any) -> "HyperPrior | None":
+def hyper_prior(survey: MissionFile, scenario: Scenario, fit: Any) -> "HyperPrior | None":
     """What the kernel is refitted with under way, around the one assumed; None where it is to stay."""
     kernel = survey.kernel
     given = (kernel.length_scale_m, kernel.mean, kernel.std)
@@ -130,7 +130,7 @@ def _bounded(noise: float) -> float:
     return float(min(max(noise, _LEAST_NOISE), 1e6))
 
 
-def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float, list[str]]:
+def _kernel(survey: MissionFile, fit: Any, side: float) -> tuple[float, float, float, list[str]]:
     """Length scale (metres), mean and standard deviation (unit), and what of them is assumed, in words.
 
     `side` is that of a square as large as the free area, metres.
@@ -153,7 +153,7 @@ def _kernel(survey: Survey, fit: Any, side: float) -> tuple[float, float, float,
     return float(metres), float(mean), float(std), assumed
 
 
-def _samples(survey: Survey, place: Place, warnings: list[str]) -> Cleaned:
+def _samples(survey: MissionFile, place: ProjectedArea, warnings: list[str]) -> Cleaned:
     """The samples in and near the area, one a place: local metres and values in the unit; adds to the warnings."""
     assert survey.samples is not None
     path = survey.samples.file
@@ -183,7 +183,7 @@ def _system(file: SampleFile, samples: Samples, own: Crs) -> Crs | None:
     return file.crs or (WGS84 if samples.geographic and not own.geographic else None)
 
 
-def _fit(survey: Survey, mean: float | None, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"]) -> Any:
+def _fit(survey: MissionFile, mean: float | None, x: Float[np.ndarray, "p 2"], values: Float[np.ndarray, " p"]) -> Any:
     from maipp.belief.fit import fit_kernel
 
     assert survey.samples is not None

@@ -9,7 +9,7 @@ from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.fields.raster import RasterData, load_raster
-from maipp.surveys.survey import RasterArea
+from maipp.surveys.mission_file import RasterArea
 
 
 def load_area(source: RasterArea) -> RasterData:

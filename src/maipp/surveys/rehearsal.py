@@ -13,22 +13,22 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from maipp.bench.made_by import SIMULATION, code_digest, planner_fingerprint
+from maipp.bench.provenance import SIMULATION, code_digest, planner_fingerprint
 from maipp.bench.sweep.dealing import HERE, Where, run_sweep
 from maipp.bench.sweep.jobs import Job, digest
 from maipp.engine import Mission, State, run_missions
+from maipp.engine.area_found import area_found
 from maipp.engine.finite import refuse_non_finite
-from maipp.engine.found import area_found
-from maipp.engine.score import Standing, moments_of, standing, taken_by
+from maipp.engine.score import BeliefScore, moments_of, score_belief, taken_by
 from maipp.foresight import ForesightName, make_foresight
 from maipp.foresight.map_scores import map_scores
 from maipp.kept import kept
 from maipp.problem import shape_of
 from maipp.surveys.drawn_fields import drawn_fields
 from maipp.surveys.expected_mission import draw
+from maipp.surveys.mission_file import MissionFile, Rehearsal
 from maipp.surveys.raster_field import raster_field
 from maipp.surveys.standardise import PreparedSurvey, prepare
-from maipp.surveys.survey import Rehearsal, Survey
 from maipp.typing import Array, Float
 
 # Mixed into the seed, so that the planners share no key with the starts and the drawn fields.
@@ -78,7 +78,7 @@ class RehearsedTeam:
 class RehearsalResult:
     """All rehearsed teams, planners in the order given, teams from the smallest."""
 
-    survey: Survey
+    survey: MissionFile
     teams: tuple[RehearsedTeam, ...]
     fields: int
     on: str  # "drawn fields" or the raster's path
@@ -91,7 +91,7 @@ class RehearsalResult:
 Refitted = Callable[[PreparedSurvey, Any, int, int], dict[str, Any]]
 
 
-def with_robots(survey: Survey, count: int) -> Survey:
+def with_robots(survey: MissionFile, count: int) -> MissionFile:
     """The survey with the first `count` robots; beyond those that it has, the last one is copied."""
     robots = list(survey.robots[:count])
     while len(robots) < count:
@@ -103,7 +103,7 @@ def with_robots(survey: Survey, count: int) -> Survey:
 
 
 def rehearse(
-    survey: Survey,
+    survey: MissionFile,
     *,
     planners: Sequence[str] = (),
     robots: Sequence[int] = (),
@@ -161,7 +161,7 @@ def rehearse(
 class TeamJob:
     """The rehearsals of one planner and size of team, as a job of a sweep."""
 
-    survey: Survey
+    survey: MissionFile
     planner: str
     count: int
     first: tuple[str, int]  # planner and size of the team whose area the fields are drawn in
@@ -264,8 +264,8 @@ def outcomes(missions: Mission, states: State) -> Outcome:
 def _outcome(mission: Mission, state: State) -> Outcome:
     moments, threshold = moments_of(mission, state), mission.params.threshold
 
-    def at(time: float) -> tuple[Standing, Array]:
-        then = standing(mission, moments, taken_by(state, time))
+    def at(time: float) -> tuple[BeliefScore, Array]:
+        then = score_belief(mission, moments, taken_by(state, time))
         area = area_found(mission.truth >= threshold, then.mean >= threshold, mission.inside)
         return then, jnp.asarray(area.both / area.true)  # NaN where there is none
 

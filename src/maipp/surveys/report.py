@@ -2,7 +2,7 @@
 
 from datetime import date
 
-from maipp.surveys.expected_mission import Expected
+from maipp.surveys.expected_mission import ExpectedSurvey
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.viz.report_survey import SurveyReport
 
@@ -12,7 +12,7 @@ _EXPECTED = (
 )
 
 
-def survey_report(prepared: PreparedSurvey, expected: Expected) -> SurveyReport:
+def survey_report(prepared: PreparedSurvey, expected: ExpectedSurvey) -> SurveyReport:
     """What `maipp.viz.report.write_report` makes a page of."""
     survey, frame = prepared.survey, prepared.frame
     has_prior = len(prepared.prior_y) > 0
@@ -27,6 +27,6 @@ def survey_report(prepared: PreparedSurvey, expected: Expected) -> SurveyReport:
         prior_x=frame.to_user(prepared.prior_x) if has_prior else None,
         prior_y=frame.to_user_values(prepared.prior_y) if has_prior else None,
         truth_known=False,
-        told=expected.told,
+        broadcasts=expected.broadcasts,
         warnings=(_EXPECTED, *prepared.warnings),
     )

@@ -1,4 +1,4 @@
-"""The routes of a planned survey in the user's coordinates, as mission files hold them."""
+"""The routes of a planned survey in the user's coordinates, as route files hold them."""
 
 import math
 
@@ -8,7 +8,7 @@ import shapely
 from maipp.engine.episode import AgentRecord, Episode
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.missions.route_plan import Route, RoutePlan
+from maipp.route_files.route_plan import Route, RoutePlan
 from maipp.surveys.standardise import PreparedSurvey
 from maipp.typing import Float
 
@@ -33,7 +33,7 @@ def route_plan(prepared: PreparedSurvey, episode: Episode) -> RoutePlan:
 
 
 def check_files(prepared: PreparedSurvey) -> None:
-    """Raise `InputError` for names and areas that mission files cannot hold, before minutes of planning."""
+    """Raise `InputError` for names and areas that route files cannot hold, before minutes of planning."""
     starts = prepared.frame.to_user(np.array(prepared.scenario.starts))
     try:
         _plan(

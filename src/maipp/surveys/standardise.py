@@ -15,12 +15,12 @@ from maipp.geo import Crs, GeoReference, unwrap, wrap
 from maipp.planners import planner_note
 from maipp.records import FieldError
 from maipp.scenario import Scenario
-from maipp.surveys.area import FreeSpace, PlaceNames, as_region, free_space
+from maipp.surveys.area import OperatingArea, PlaceNames, as_region, operating_area
 from maipp.surveys.complement import complement, without_holes
-from maipp.surveys.homes import ways_home
-from maipp.surveys.place import Place, ends_of, find_place, starts_of
+from maipp.surveys.homes import distances_home
+from maipp.surveys.mission_file import MissionFile
 from maipp.surveys.prior import MOST_SAMPLES, Prior, find_prior, hyper_prior
-from maipp.surveys.survey import Survey
+from maipp.surveys.projected_area import ProjectedArea, ends_of, find_place, starts_of
 from maipp.typing import Float
 
 if TYPE_CHECKING:
@@ -38,14 +38,14 @@ _NODES, _NEIGHBOURS_PER_NODE = 200, 0.1  # the paper's
 _MOST_NODES = 400
 _MANY, _TOO_MANY = 400, 5000  # measurements of one robot: slow, and more than the simulation has room for
 _STRAIGHT = 1e-7  # user coordinates: off a straight line by less (1 cm, as files are written) is on it
-_MOST_FENCE = 150  # vertices of the area's border in mission files; autopilots hold few
+_MOST_FENCE = 150  # vertices of the area's border in route files; autopilots hold few
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedSurvey:
     """A survey ready to be planned, rehearsed or run live."""
 
-    survey: Survey
+    survey: MissionFile
     scenario: Scenario  # domain units, standardised values; the fastest robot has speed 1
     frame: GeoReference  # from WGS84 degrees, or metres of no known place, to the domain
     crs: Crs  # of the positions in the mission file
@@ -81,7 +81,7 @@ class PreparedSurvey:
 
 
 def prepare(
-    survey: Survey,
+    survey: MissionFile,
     *,
     planner: str | None = None,
     planner_options: Mapping[str, Any] | None = None,
@@ -94,7 +94,9 @@ def prepare(
     place = find_place(survey)
     starts, ends, told = starts_of(survey, place), ends_of(survey, place), PlaceNames(place.frame)
     every = [*starts, *itertools.chain.from_iterable(ends)]
-    space = free_space(place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told, survey.ashore_m)
+    space = operating_area(
+        place.area, place.no_go, every, survey.clearance_m, survey.where("area"), told, survey.ashore_m
+    )
     prior = find_prior(survey, place, space)
     warnings = [
         *place.warnings,
@@ -129,7 +131,7 @@ def prepare(
     )
 
 
-def build_planner(survey: Survey, scenario: Scenario, name: str, options: Mapping[str, Any]) -> "Planner":
+def build_planner(survey: MissionFile, scenario: Scenario, name: str, options: Mapping[str, Any]) -> "Planner":
     """The planner of that name for a survey's scenario; `InputError` where it would cross no-go zones."""
     from maipp.planners import make_planner, planner_class, planner_names
 
@@ -143,7 +145,7 @@ def build_planner(survey: Survey, scenario: Scenario, name: str, options: Mappin
     return built
 
 
-def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str]) -> Scenario:
+def _scenario(survey: MissionFile, prior: Prior, space: OperatingArea, warnings: list[str]) -> Scenario:
     """The scenario; adds to the warnings."""
     frame = prior.frame
     scale = frame.scale
@@ -190,7 +192,7 @@ def _scenario(survey: Survey, prior: Prior, space: FreeSpace, warnings: list[str
     return scenario
 
 
-def _ends(survey: Survey, places: list[list[float]]) -> list[list[list[float]]]:
+def _ends(survey: MissionFile, places: list[list[float]]) -> list[list[list[float]]]:
     """Where each robot may end, of its start and the further places in the order of the robots; none: anywhere."""
     further, ends = iter(places[len(survey.robots) :]), []
     for robot, start in zip(survey.robots, places, strict=False):
@@ -200,9 +202,9 @@ def _ends(survey: Survey, places: list[list[float]]) -> list[list[list[float]]]:
     return ends
 
 
-def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
+def _check_ends(survey: MissionFile, scenario: Scenario, scale: float) -> None:
     """Raise `InputError` for a robot whose budget does not take it to its end."""
-    for robot, (_, away) in zip(survey.robots, ways_home(scenario), strict=True):
+    for robot, (_, away) in zip(survey.robots, distances_home(scenario), strict=True):
         if away is None:
             continue
         spendable = robot.budget_m - robot.reserve_m
@@ -213,7 +215,7 @@ def _check_ends(survey: Survey, scenario: Scenario, scale: float) -> None:
             )
 
 
-def _interest(survey: Survey, frame: GeoReference, warnings: list[str]) -> dict[str, float]:
+def _interest(survey: MissionFile, frame: GeoReference, warnings: list[str]) -> dict[str, float]:
     """The threshold in standardised values, and the confidence that rules places out."""
     if survey.threshold is None:
         return {"threshold": EVERYTHING, "beta": _PAPER_BETA}
@@ -237,7 +239,7 @@ def interest_beta(threshold: float) -> float:
     return max(_PAPER_BETA, _PRIOR_BETA * threshold)
 
 
-def _check_measurements(survey: Survey, warnings: list[str]) -> None:
+def _check_measurements(survey: MissionFile, warnings: list[str]) -> None:
     robot = max(survey.robots, key=lambda robot: robot.budget_m)
     count = robot.budget_m / survey.measurement_spacing_m
     if count > _TOO_MANY:
@@ -276,7 +278,9 @@ def _thinned(prior: Prior, warnings: list[str]) -> tuple[Float[np.ndarray, "p 2"
     return prior.x[kept], prior.y[kept]
 
 
-def _borders(place: Place, space: FreeSpace) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "_ 2"], ...]]:
+def _borders(
+    place: ProjectedArea, space: OperatingArea
+) -> tuple[Float[np.ndarray, "v 2"], tuple[Float[np.ndarray, "_ 2"], ...]]:
     """The border of the area's part that is surveyed, and of what must not be entered, user coordinates."""
     point = space.region.representative_point()
     parts = [part for part in shapely.get_parts(place.area) if isinstance(part, Polygon)]

@@ -1,4 +1,4 @@
-"""Mission files: YAML read to a `Survey`, every complaint on one line with file, line and key (docs/mission.md)."""
+"""Mission files: YAML read to a `MissionFile`, every complaint on one line with file, line and key (docs/mission.md)."""
 
 import dataclasses
 import os
@@ -10,32 +10,30 @@ from typing import Any, Literal
 from maipp.errors import InputError
 from maipp.files import read_text
 from maipp.geo import WGS84, Crs, read_crs
-from maipp.missions.vehicle import Vehicle
 from maipp.records import FieldError, Misfit, Value, expected, fit, read_yaml, show
 from maipp.records.kinds import Each
-from maipp.surveys import survey as records
-from maipp.surveys.shapes import Drawing, Rings, load_drawing, polygons_in
-from maipp.surveys.survey import (
+from maipp.route_files.vehicle_settings import VehicleSettings
+from maipp.surveys import mission_file as records
+from maipp.surveys.mission_file import (
     AREA,
     Metres,
-    Number,
+    MissionFile,
     Pair,
     RasterArea,
     Rehearsal,
-    Robot,
+    RobotSpec,
     SampleFile,
     Share,
-    Survey,
     Text,
 )
+from maipp.surveys.shapes import Drawing, Rings, load_drawing, polygons_in
 
-KEYS = tuple(key for key in Survey.__dataclass_fields__ if key not in ("source", "lines", "return_home"))
+KEYS = tuple(key for key in MissionFile.__dataclass_fields__ if key not in ("source", "lines", "return_home"))
 ROBOT_KEYS = tuple(records.RobotKeys.__dataclass_fields__)
-KERNEL_KEYS = tuple(records.Kernel.__dataclass_fields__)
+KERNEL_KEYS = tuple(records.KernelSpec.__dataclass_fields__)
 SAMPLE_KEYS = tuple(key for key in SampleFile.__dataclass_fields__ if key != "where")
 REHEARSAL_KEYS = tuple(Rehearsal.__dataclass_fields__)
-_VEHICLE = {"kind": Text, "autopilot": Text, "altitude_m": Number, "return_home": bool, "fence": bool}
-VEHICLE_KEYS = tuple(_VEHICLE)
+VEHICLE_KEYS = tuple(records.VehicleKeys.__dataclass_fields__)
 # The rest of the scenario follows from the mission.
 SCENARIO_KEYS = (
     "grid",
@@ -52,7 +50,7 @@ _End = Literal["start"] | Pair | Each[Pair]
 _Readers = dict[str, Callable[[Value], Any]]
 
 
-def load_survey(path: str | os.PathLike[str]) -> Survey:
+def load_survey(path: str | os.PathLike[str]) -> MissionFile:
     """The survey in a mission file; paths in it are relative to its folder.
 
     Raises `InputError` with the file, the line and the key of what is wrong, that other files it names hold included.
@@ -60,7 +58,7 @@ def load_survey(path: str | os.PathLike[str]) -> Survey:
     return parse_survey(read_text(path, "mission", "a YAML file"), source=str(path), folder=Path(path).parent)
 
 
-def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -> Survey:
+def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -> MissionFile:
     """The survey in YAML text; errors name `source`, relative paths start from `folder`."""
     root = read_yaml(text, source, empty="`maipp survey --new` prints one to start from")
     metres = root["metres"].fit(bool) if "metres" in root else False
@@ -80,7 +78,7 @@ def parse_survey(text: str, *, source: str = "mission", folder: Path = Path()) -
         "track": lambda value: _file(value, folder, "the path of a CSV or GPX file"),
     }
     survey = root.record(
-        Survey,
+        MissionFile,
         readers
         | {
             "area": lambda value: _area(value, folder, geojson, readers),
@@ -168,8 +166,8 @@ def _shape(value: Value, folder: Path, geojson: Crs | None, readers: _Readers) -
     )
 
 
-def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[Robot, ...]:
-    robots: dict[str, Robot] = {}
+def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[RobotSpec, ...]:
+    robots: dict[str, RobotSpec] = {}
     for index, item in enumerate(value.items(1, "a list of robots, one at least")):
         if index >= _MOST_ROBOTS:
             value.wrong(f"has more than {_MOST_ROBOTS} robots; survey with fewer")
@@ -192,7 +190,7 @@ def _robots(value: Value, spacing: float, readers: _Readers) -> tuple[Robot, ...
         end: Any = keys.end  # one place is a list of one
         end = (end,) if isinstance(end, tuple) and not isinstance(end[0], tuple) else end
         where, end_where = ((item[key] if key in item else item).place for key in ("start", "end"))
-        robots[name] = Robot(name, keys.start, budget, keys.speed, end, reserve, where, end_where)
+        robots[name] = RobotSpec(name, keys.start, budget, keys.speed, end, reserve, where, end_where)
     return tuple(robots.values())
 
 
@@ -208,26 +206,26 @@ def _reserve(item: Value, keys: records.RobotKeys, budget: float) -> float:
     return reserve
 
 
-def _vehicle(value: Value) -> Vehicle:
-    """The vehicle that mission files are for: its kind, or a mapping with more of it."""
+def _vehicle(value: Value) -> VehicleSettings:
+    """The vehicle that route files are for: its kind, or a mapping with more of it."""
     given = {"kind": value.value}
     if isinstance(value.value, dict):
-        value.mapping(VEHICLE_KEYS)
-        given = {key.removesuffix("_m"): value[key].fit(kind) for key, kind in _VEHICLE.items() if key in value}
+        keys = vars(value.record(records.VehicleKeys))
+        given = {key.removesuffix("_m"): told for key, told in keys.items() if told is not None}
         given.pop("return_home", None)  # is the robots' business
     elif not isinstance(value.value, str):
         value.unfit("a vehicle; give boat, rover or copter")
     try:
-        return Vehicle(**given)
+        return VehicleSettings(**given)
     except InputError as error:
         return value.wrong(str(error))
 
 
 def _returns(root: Value) -> bool:
     """Whether the vehicles are to come home."""
-    vehicle = root["vehicle"] if "vehicle" in root else None
-    known = vehicle is not None and isinstance(vehicle.value, dict) and "return_home" in vehicle
-    return vehicle["return_home"].fit(bool) if vehicle is not None and known else False
+    if "vehicle" not in root or not isinstance(root["vehicle"].value, dict):
+        return False
+    return root["vehicle"].part(records.VehicleKeys, "return_home") if "return_home" in root["vehicle"] else False
 
 
 def _samples(value: Value, readers: _Readers) -> SampleFile:

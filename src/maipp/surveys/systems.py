@@ -6,7 +6,7 @@ from shapely.geometry import Polygon
 
 from maipp.errors import InputError
 from maipp.geo import METRES, WGS84, Crs, check_degrees, transform, unwrap
-from maipp.surveys.survey import Survey
+from maipp.surveys.mission_file import MissionFile
 from maipp.typing import Float
 
 # Edges are straight in their own system, not in degrees: cut into pieces of this share of the polygon they follow their
@@ -14,7 +14,7 @@ from maipp.typing import Float
 PIECES = 20
 
 
-def mission_system(survey: Survey, area: Crs | None) -> Crs:
+def mission_system(survey: MissionFile, area: Crs | None) -> Crs:
     """What the positions in the mission file are: as `crs` says, else WGS84, else the metres of the area's file.
 
     `area` is what the area's file says of itself. Raises `InputError` where it contradicts `metres: true`.

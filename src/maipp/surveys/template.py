@@ -4,7 +4,7 @@ TEMPLATE = """\
 # A survey by a team of robots. Check it: maipp survey FILE --check. Plan it: maipp survey FILE --out DIR.
 # Lengths are metres, speeds metres per second, values in the quantity's unit. Paths are relative to this file.
 
-name: lake                       # what mission files and figures are titled with
+name: lake                       # what route files and figures are titled with
 
 # Where. A file of polygons (GeoJSON, KML, KMZ, GPX, QGroundControl .plan, GeoPackage or Shapefile; holes are islands),
 # GeoJSON inline, a list of positions around the border, or the cells of a gridded map: {raster: FILE, below: 0}.
@@ -44,7 +44,7 @@ kernel:                          # ... or given here; what is given wins over th
 
 # gate: 5                        # live: how surprising a measurement may be, in standard deviations; 0 takes all
 
-# vehicle: boat                  # whom mission files are for; or {kind: copter, altitude_m: 20, autopilot: px4}
+# vehicle: boat                  # whom route files are for; or {kind: copter, altitude_m: 20, autopilot: px4}
 
 # How (`maipp planners` lists the planners and their options).
 planner: receding-horizon

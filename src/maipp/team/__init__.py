@@ -1,5 +1,6 @@
 """What agents tell each other about where they are going: the Gaussian intent."""
 
+from maipp.renamed import renamed
 from maipp.team.intent import (
     COVARIANCE_FLOOR,
     Intent,
@@ -7,7 +8,7 @@ from maipp.team.intent import (
     fit_intent,
     fuse_intents,
     intent_density,
-    is_told,
+    is_announced,
     matrix,
     no_intent,
     symmetric_kl,
@@ -21,9 +22,12 @@ __all__ = [
     "fit_intent",
     "fuse_intents",
     "intent_density",
-    "is_told",
+    "is_announced",
     "matrix",
     "no_intent",
     "symmetric_kl",
     "trajectory_intent",
 ]
+
+
+renamed(__name__, is_told="is_announced")

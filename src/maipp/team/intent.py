@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from maipp.renamed import renamed
 from maipp.typing import Array, Bool, Float
 
 # Least variance of an intent along any direction, squared domain units, for a domain about 1 across. Scale it with the
@@ -29,7 +30,7 @@ def no_intent() -> Intent:
     return Intent(jnp.full(2, jnp.nan, real), jnp.full(3, jnp.nan, real))
 
 
-def is_told(intent: Intent) -> Bool[Array, "*b"]:
+def is_announced(intent: Intent) -> Bool[Array, "*b"]:
     """Whether the intent says anything: true where all its numbers are finite."""
     return jnp.isfinite(intent.mean).all(axis=-1) & jnp.isfinite(intent.covariance).all(axis=-1)
 
@@ -109,7 +110,7 @@ def trajectory_intent(
 
 def intent_density(intent: Intent, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     """Density of one intent at the points, 1 / squared domain units; zero where nothing has been told."""
-    return jnp.where(is_told(intent), jnp.exp(_log_density(intent, points)), 0.0)
+    return jnp.where(is_announced(intent), jnp.exp(_log_density(intent, points)), 0.0)
 
 
 def fuse_intents(intents: Intent, heard: Bool[Array, " m"], points: Float[Array, "n 2"]) -> Float[Array, " n"]:
@@ -118,7 +119,7 @@ def fuse_intents(intents: Intent, heard: Bool[Array, " m"], points: Float[Array,
     `intents` has a leading axis m. The map lies in [0, 1] and is exactly 1 at its highest point, however far all points
     are from every mean; it is zero everywhere where nobody counts (Yang et al. 2023, Sec. IV-B).
     """
-    counts = heard & is_told(intents)
+    counts = heard & is_announced(intents)
     logs = jnp.where(counts[:, None], jax.vmap(_log_density, (0, None))(intents, points), -jnp.inf)
     someone = counts.any()
     # Far from every mean all densities underflow. Relative to the largest one only those underflow that add nothing to
@@ -144,7 +145,7 @@ def symmetric_kl(a: Intent, b: Intent) -> Float[Array, ""]:
 
 def _log_density(intent: Intent, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     """Logarithm of the density at the points; that of a standard normal, to be masked, where nothing has been told."""
-    told = is_told(intent)
+    told = is_announced(intent)
     unit = jnp.array([1.0, 0.0, 1.0], intent.covariance.dtype)
     intent = Intent(jnp.where(told, intent.mean, 0.0), jnp.where(told, intent.covariance, unit))
     root, _, rest = _factor(intent)
@@ -165,3 +166,6 @@ def _whiten(intent: Intent, offsets: Float[Array, "*n 2"]) -> Float[Array, "*n 2
     root, slope, rest = _factor(intent)
     x = offsets[..., 0] / root
     return jnp.stack([x, (offsets[..., 1] - slope * x) / rest], axis=-1)
+
+
+renamed(__name__, is_told="is_announced")

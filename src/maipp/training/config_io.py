@@ -12,7 +12,7 @@ from maipp.records import Value, assignments, dump_yaml, read_yaml
 from maipp.training.config import NAMED
 
 
-class Kind(NamedTuple):
+class ConfigKind(NamedTuple):
     """A kind of configuration: those with names, `default` among them, and the page that lists the keys."""
 
     named: Mapping[str, Any]
@@ -24,10 +24,10 @@ class Kind(NamedTuple):
         return tuple(each.name for each in dataclasses.fields(self.named["default"]))
 
 
-POLICY = Kind(NAMED, "docs/training-keys.md")
+POLICY = ConfigKind(NAMED, "docs/training-keys.md")
 
 
-def find_config(name: str, kind: Kind = POLICY) -> Any:
+def find_config(name: str, kind: ConfigKind = POLICY) -> Any:
     """The configuration of that name, or the one in that YAML file.
 
     Raises InputError where there is neither, and with file, line and key for what is wrong in a file.
@@ -39,7 +39,7 @@ def find_config(name: str, kind: Kind = POLICY) -> Any:
     raise InputError(f"--config {name}: no such configuration; there are {', '.join(kind.named)}, or give a .yaml file")
 
 
-def load_config(path: str | os.PathLike[str], kind: Kind = POLICY) -> Any:
+def load_config(path: str | os.PathLike[str], kind: ConfigKind = POLICY) -> Any:
     """The configuration in a YAML file; keys left out are as in `default`.
 
     Raises InputError with the file, the line and the key of what is wrong.
@@ -47,7 +47,7 @@ def load_config(path: str | os.PathLike[str], kind: Kind = POLICY) -> Any:
     return parse_config(read_text(path, "configuration", "a YAML file"), source=str(path), kind=kind)
 
 
-def parse_config(text: str, *, source: str = "training", kind: Kind = POLICY) -> Any:
+def parse_config(text: str, *, source: str = "training", kind: ConfigKind = POLICY) -> Any:
     """The configuration in YAML text; errors name `source`."""
     root = read_yaml(text, source, empty=f"{kind.page} lists the keys")
     return root.make(kind.named["default"].replace, root.mapping(kind.keys))

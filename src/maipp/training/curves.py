@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from maipp.files import atomic_path
-from maipp.training.journal import read_log
+from maipp.training.training_log import read_log
 from maipp.viz.style import AGENT_COLOURS, GREY, LARGE, MEDIUM, SMALL, add_axes, new_figure
 
 CURVE = "learning_curve.png"

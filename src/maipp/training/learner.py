@@ -18,9 +18,9 @@ from maipp.planners.intent import IntentPlanner
 from maipp.planners.sga_catnipp import SgaCatnipp
 from maipp.policy import PolicyNetwork, network_named
 from maipp.training.config import TrainConfig
-from maipp.training.losses import Sample, sample_loss
+from maipp.training.losses import PolicyExample, sample_loss
 from maipp.training.returns import returns
-from maipp.training.rollout import Environment, Phase, new_environment, roll_out
+from maipp.training.rollout import Phase, RolloutState, new_environment, roll_out
 from maipp.training.search import PolicyPlanner
 from maipp.training.worlds import Bank, draw_bank, training_scenario
 from maipp.typing import Array, Float, Int, Key
@@ -38,7 +38,7 @@ _FOLLOW = 0.7
 class Shard(NamedTuple):
     """What one shard carries from update to update."""
 
-    environments: Environment  # leading axis: missions
+    environments: RolloutState  # leading axis: missions
     key: Key
 
 
@@ -156,7 +156,7 @@ class Learner:
         )
         worth = returns(config, transitions, self.scenario.agents)
         advantage = _normalised(worth.advantage, worth.valid)
-        samples = Sample(transitions, advantage, worth.target, worth.valid)
+        samples = PolicyExample(transitions, advantage, worth.target, worth.valid)
         flat = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), samples)
 
         def epoch(carry: Any, key: Key) -> tuple[Any, dict[str, Array]]:
@@ -178,7 +178,7 @@ class Learner:
         self,
         bank: Bank,
         phase: Phase,
-        samples: Sample,
+        samples: PolicyExample,
         network: PolicyNetwork,
         optimiser: Any,
         index: Int[Array, " b"],

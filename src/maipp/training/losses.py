@@ -14,7 +14,7 @@ from maipp.training.worlds import Bank
 from maipp.typing import Array, Bool, Float
 
 
-class Sample(NamedTuple):
+class PolicyExample(NamedTuple):
     """A decision with what it turned out to be worth."""
 
     transition: Transition
@@ -44,7 +44,7 @@ def ask(
 
 
 def sample_loss(
-    config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: Sample, phase: Phase
+    config: TrainConfig, network: PolicyNetwork, bank: Bank, sample: PolicyExample, phase: Phase
 ) -> tuple[Float[Array, ""], dict[str, Array]]:
     """Loss of one decision, and its parts: those that mean something in this phase.
 

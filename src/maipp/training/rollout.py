@@ -8,24 +8,24 @@ import jax.numpy as jnp
 from jax import lax
 
 from maipp.engine.advance import advance
-from maipp.engine.observe import turn
+from maipp.engine.observe import begin_event
 from maipp.engine.state import State, reset
 from maipp.policy import Memory
 from maipp.scenario import Scenario
 from maipp.training.config import TrainConfig
 from maipp.training.search import Elites, PolicyPlanner, find_elites
 from maipp.training.teacher import no_plan, teach
-from maipp.training.worlds import Bank, World, agent_roadmap, draw_world, mission_of
+from maipp.training.worlds import Bank, TrainingWorld, agent_roadmap, draw_world, mission_of
 from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 # What an update learns from: the teacher, the policy's own search, or the reward.
 Phase = Literal["imitate", "search", "reinforce"]
 
 
-class Environment(NamedTuple):
+class RolloutState(NamedTuple):
     """A mission in progress and the world it is in."""
 
-    world: World
+    world: TrainingWorld
     state: State
     plans: Float[Array, "m h"]  # the teacher's last plan for each agent
 
@@ -56,11 +56,11 @@ class Transition(NamedTuple):
 
 def new_environment(
     config: TrainConfig, scenario: Scenario, planner: PolicyPlanner, bank: Bank, key: Key
-) -> Environment:
+) -> RolloutState:
     """A fresh mission in a world of its own."""
     world = draw_world(config, scenario, bank, key)
     plans = jnp.broadcast_to(no_plan(), (scenario.agents, *no_plan().shape))
-    return Environment(world, reset(planner, mission_of(config, bank, world)), plans)
+    return RolloutState(world, reset(planner, mission_of(config, bank, world)), plans)
 
 
 def step(
@@ -68,11 +68,11 @@ def step(
     scenario: Scenario,
     planner: PolicyPlanner,
     bank: Bank,
-    environment: Environment,
+    environment: RolloutState,
     key: Key,
     phase: Phase,
     follow: float | Float[Array, ""],
-) -> tuple[Environment, Transition]:
+) -> tuple[RolloutState, Transition]:
     """One decision. `follow` is the probability of doing as the teacher, or the search, says.
 
     The last agent to stop knows all measurements of a team without range limits: its trace is the final one.
@@ -80,7 +80,7 @@ def step(
     world, state, plans = environment
     act_key, teach_key, follow_key, pick_key, new_key = jax.random.split(key, 5)
     mission = mission_of(config, bank, world)
-    state, agent, observation = turn(mission, state)
+    state, agent, observation = begin_event(mission, state)
     observation = dataclasses.replace(observation, roadmap=agent_roadmap(bank, world, agent))
     memory = jax.tree.map(lambda a: a[agent], state.memory)
     planner = planner.on(mission.problem)
@@ -120,7 +120,7 @@ def step(
         ended=ended,
     )
     fresh = new_environment(config, scenario, planner, bank, new_key)
-    going = Environment(world, after, plans)
+    going = RolloutState(world, after, plans)
     return jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, going), transition
 
 
@@ -129,14 +129,14 @@ def roll_out(
     scenario: Scenario,
     planner: PolicyPlanner,
     bank: Bank,
-    environments: Environment,
+    environments: RolloutState,
     key: Key,
     phase: Phase,
     follow: float | Float[Array, ""],
-) -> tuple[Environment, Transition]:
+) -> tuple[RolloutState, Transition]:
     """`config.events` decisions of each of a shard's missions; transitions have leading axes (events, missions)."""
 
-    def event(environments: Environment, key: Key) -> tuple[Environment, Transition]:
+    def event(environments: RolloutState, key: Key) -> tuple[RolloutState, Transition]:
         keys = jax.random.split(key, config.missions)
         return jax.vmap(lambda e, k: step(config, scenario, planner, bank, e, k, phase, follow))(environments, keys)
 

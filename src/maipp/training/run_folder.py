@@ -8,12 +8,12 @@ from maipp.errors import InputError
 from maipp.files import write_atomic
 from maipp.training.checkpoint import latest_card
 from maipp.training.config_io import config_to_dict, dump_config
-from maipp.training.journal import LOG
+from maipp.training.training_log import LOG
 
 CHECKPOINTS, CONFIG = "checkpoints", "config.yaml"
 
 
-class Record(NamedTuple):
+class RunProgress(NamedTuple):
     """How far a run is; part of every checkpoint."""
 
     update: int = 0  # updates done
@@ -24,7 +24,7 @@ class Record(NamedTuple):
     last: Mapping[str, Any] | None = None  # the last one
 
     @classmethod
-    def from_card(cls, card: Mapping[str, Any]) -> "Record":
+    def from_card(cls, card: Mapping[str, Any]) -> "RunProgress":
         """The record in a checkpoint's card."""
         return cls(**{name: card[name] for name in cls._fields})
 

@@ -20,10 +20,10 @@ from maipp.training.config_io import config_to_dict, dump_config
 from maipp.training.curves import draw_learning_curve
 from maipp.training.held_out import EVALUATION_SEED, HeldOut, HeldOutWorlds
 from maipp.training.hosts import Hosts, all_or_none, any_of, from_first, from_host, hosts_of, to_host
-from maipp.training.journal import Journal
 from maipp.training.learner import Learner
-from maipp.training.run_folder import CHECKPOINTS, Record, claim
+from maipp.training.run_folder import CHECKPOINTS, RunProgress, claim
 from maipp.training.signals import StopRequest
+from maipp.training.training_log import TrainingLog
 
 T = TypeVar("T")
 
@@ -61,7 +61,7 @@ class Step(NamedTuple):
 class TrainResult(NamedTuple):
     """How a run ended."""
 
-    record: Record
+    record: RunProgress
     interrupted: bool
     checkpoint: Path  # the newest
 
@@ -118,12 +118,12 @@ class _Run:
         self.earlier_s = self.record.wall_s
         self.saved_at, self.saved = time.monotonic(), self.record.update
         self.worlds: HeldOutWorlds | None = None
-        self.journal: Journal | None = None
+        self.journal: TrainingLog | None = None
 
     def run(self) -> TrainResult:
         """Train until done or asked to stop."""
         self.journal = self._on_first(
-            lambda: Journal(self.out, updates=self.record.update, evaluated=self.record.evaluated)
+            lambda: TrainingLog(self.out, updates=self.record.update, evaluated=self.record.evaluated)
         )
         try:
             with StopRequest() as stop:
@@ -229,16 +229,16 @@ class _Run:
         self._on_first(lambda: checkpoint.save_checkpoint(self.out / CHECKPOINTS, self.record.update, arrays, about))
         self.saved, self.saved_at = self.record.update, time.monotonic()
 
-    def _load(self) -> tuple[Any, Record]:
+    def _load(self) -> tuple[Any, RunProgress]:
         """The state and the record to go on from."""
         state = self.learner.initial()
         arrays = to_host(state)
         loaded = self._on_first(lambda: checkpoint.load_latest(self.out / CHECKPOINTS, arrays))
         if not any_of(loaded is not None, self.hosts.processes):
-            return state, Record()
-        found, card = loaded if loaded is not None else (arrays, Record()._asdict())
+            return state, RunProgress()
+        found, card = loaded if loaded is not None else (arrays, RunProgress()._asdict())
         update, evaluated = from_first(np.array([card["update"], card["evaluated"]]), self.hosts.processes)
-        record = Record.from_card(card)._replace(update=int(update), evaluated=int(evaluated))
+        record = RunProgress.from_card(card)._replace(update=int(update), evaluated=int(evaluated))
         return from_host(from_first(found, self.hosts.processes), state), record
 
     def _on_first(self, action: Callable[[], T]) -> T | None:

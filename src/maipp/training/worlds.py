@@ -14,8 +14,8 @@ from maipp.problem import Params, Shape, shape_of
 from maipp.roadmap import Roadmap
 from maipp.scenario import Scenario
 from maipp.training.config import TRAINING_SEEDS, TrainConfig
+from maipp.training.random_zones import random_zones
 from maipp.training.ranges import draw_params, extreme_scenarios
-from maipp.training.zones import random_zones
 from maipp.typing import Array, Bool, Float, Index, Int, Key
 
 
@@ -27,7 +27,7 @@ class Bank(NamedTuple):
     inside: Bool[Array, "b q"] | None = None  # grid points outside of each world's no-go zones; None: there are none
 
 
-class World(NamedTuple):
+class TrainingWorld(NamedTuple):
     """One world: which of the bank's roadmaps, seen how, and what lies there."""
 
     field: Array  # the ground truth, a pytree callable on points
@@ -65,7 +65,7 @@ def draw_bank(config: TrainConfig, scenario: Scenario, encodings: int) -> Bank:
     return jax.tree.map(lambda *arrays: jnp.asarray(np.concatenate(arrays)), *rows)
 
 
-def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) -> World:
+def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) -> TrainingWorld:
     """A world: random roadmap of the bank in a random symmetry, random field, numbers in the ranges of the config."""
     field_key, budget_key, row_key, symmetry_key, sign_key = jax.random.split(key, 5)
     grid = evaluation_grid(scenario.grid, scenario.extent)
@@ -78,7 +78,7 @@ def draw_world(config: TrainConfig, scenario: Scenario, bank: Bank, key: Key) ->
     )
     budget = jax.random.uniform(budget_key, (), minval=config.budget[0], maxval=config.budget[1])
     assert bank.roadmap.encoding is not None
-    return World(
+    return TrainingWorld(
         field=field,  # type: ignore[arg-type]  # a pytree of arrays
         truth=field(grid),
         params=draw_params(config, scenario, budget, key),
@@ -95,7 +95,7 @@ def turned(symmetry: Int[Array, ""], points: Float[Array, "*p 2"]) -> Float[Arra
     return jnp.where(mirror, 1.0 - points, points)
 
 
-def seen_inside(bank: Bank, world: World, side: int) -> Bool[Array, " q"]:
+def seen_inside(bank: Bank, world: TrainingWorld, side: int) -> Bool[Array, " q"]:
     """Grid points outside of the no-go zones, as the world's symmetry shows them; the grid has `side` points a side."""
     if bank.inside is None:
         return jnp.ones(side * side, bool)
@@ -106,7 +106,7 @@ def seen_inside(bank: Bank, world: World, side: int) -> Bool[Array, " q"]:
     return jnp.where(world.symmetry >> 2 & 1, square[:, ::-1], square).reshape(-1)
 
 
-def mission_of(config: TrainConfig, bank: Bank, world: World) -> Mission:
+def mission_of(config: TrainConfig, bank: Bank, world: TrainingWorld) -> Mission:
     """The mission to be simulated, without roadmaps: `agent_roadmap` gives the due agent's when it is asked for."""
     shape = training_shape(config)
     grid = evaluation_grid(shape.grid, world.params.extent)
@@ -122,7 +122,7 @@ def mission_of(config: TrainConfig, bank: Bank, world: World) -> Mission:
     )
 
 
-def agent_roadmap(bank: Bank, world: World, agent: Index) -> Roadmap:
+def agent_roadmap(bank: Bank, world: TrainingWorld, agent: Index) -> Roadmap:
     """The roadmap of one agent, turned and with its encoding's signs as the world has them."""
     own = jax.tree.map(lambda a: a[world.roadmap, agent], bank.roadmap)
     return Roadmap(

@@ -6,14 +6,15 @@ It opens from disk in any browser of today, and needs no network: program, style
 import os
 
 from maipp.files import write_atomic
-from maipp.team.told import Told
+from maipp.renamed import renamed
+from maipp.team.broadcast import Broadcast
 from maipp.viz.report_data import page_data
 from maipp.viz.report_frames import frames_of
 from maipp.viz.report_grid import map_grid
 from maipp.viz.report_page import page, plotly_program
-from maipp.viz.report_survey import SurveyReport
+from maipp.viz.report_survey import Foreseen, SurveyReport
 
-__all__ = ["SurveyReport", "Told", "report_html", "write_report"]
+__all__ = ["Broadcast", "Foreseen", "SurveyReport", "report_html", "write_report"]
 
 
 def report_html(report: SurveyReport) -> str:
@@ -33,3 +34,6 @@ def write_report(path: str | os.PathLike[str], report: SurveyReport) -> None:
     Raises `InputError` where plotly is not installed, or the file cannot be written.
     """
     write_atomic(path, report_html(report))
+
+
+renamed(__name__, Told="Broadcast")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.typing import Float
 from maipp.viz.report_frames import Frames, standing
 from maipp.viz.report_grid import MapGrid
@@ -48,6 +48,7 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
             **{name: _reals(getattr(frames, name)) for name in ("trace", "area", "rmse")},
         },
         "truth": None if truth is None else packed(truth[None]),
+        "foreseen": None if report.foreseen is None else _foreseen(report, grid),
         "true_surplus": None if truth is None else packed(surplus, signed=True),
         "curve": {
             "time": _reals(episode.metrics.curve_time * time.factor),
@@ -60,8 +61,10 @@ def page_data(report: SurveyReport, grid: MapGrid, frames: Frames) -> dict[str, 
         "prior": None
         if report.prior is None
         else {**_places(report.prior[0], digits), "value": _reals(report.prior[1])},
-        "told": [_told(report, told, digits, time.factor) for told in report.told],
-        "standing": standing(report.told, len(episode.agents), frames.times).tolist() if report.told else None,
+        "told": [_told(report, told, digits, time.factor) for told in report.broadcasts],
+        "standing": standing(report.broadcasts, len(episode.agents), frames.times).tolist()
+        if report.broadcasts
+        else None,
     }
 
 
@@ -86,6 +89,20 @@ def packed(pictures: Float[np.ndarray, "k r c"], *, signed: bool = False) -> dic
         base, numbers = low, np.round((pictures - low) / step)
     whole = np.where(np.isfinite(numbers), numbers, 2 * _HALF - 1).astype("<u2")
     return {"base": base, "step": step, "numbers": base64.b64encode(whole.tobytes()).decode("ascii")}
+
+
+def _foreseen(report: SurveyReport, grid: MapGrid) -> dict[str, Any]:
+    """The map of a foresight."""
+    assert report.foreseen is not None
+    name, mean, std = report.foreseen
+    std_pictures = grid.pictures(report.geo.to_user_std(std)[None])
+    return {
+        "name": name,
+        "mean": packed(grid.pictures(report.geo.to_user_values(mean)[None])),
+        "surplus": packed(grid.pictures((mean - report.episode.scenario.threshold)[None]), signed=True),
+        "std": packed(std_pictures),
+        "std_limits": [0.0, _real(np.nanmax(std_pictures)) or 1.0],
+    }
 
 
 def _axes(report: SurveyReport, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
@@ -119,7 +136,7 @@ def _robot(report: SurveyReport, index: int, digits: int, per_time: float) -> di
     }
 
 
-def _told(report: SurveyReport, told: Told, digits: int, per_time: float) -> dict[str, Any]:
+def _told(report: SurveyReport, told: Broadcast, digits: int, per_time: float) -> dict[str, Any]:
     """An intent as the ellipse that holds most of it, and the places announced with their times."""
     ellipse = None
     if np.isfinite(told.mean).all() and np.isfinite(told.covariance).all():
@@ -142,8 +159,10 @@ def _travelled(report: SurveyReport, times: np.ndarray) -> np.ndarray:
 
 
 def _value_limits(report: SurveyReport, frames: Frames, truth: np.ndarray | None) -> list[float | None]:
-    """Ends of the colour scale of values: the truth and what was predicted at the end and measured before."""
+    """Ends of the colour scale of values: those of the truth, of the maps at the end, and of earlier samples."""
     shown = [frames.mean[-1].ravel(), *([] if truth is None else [truth.ravel()])]
+    if report.foreseen is not None:
+        shown.append(np.asarray(report.geo.to_user_values(report.foreseen.mean)))
     if report.prior is not None:
         shown.append(report.prior[1])
     values = np.concatenate(shown)

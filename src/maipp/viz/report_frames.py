@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maipp.engine.found import area_found
+from maipp.engine.area_found import area_found
 from maipp.engine.observe import time_tolerance
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.typing import Float, Int
 from maipp.viz.report_grid import MapGrid
 from maipp.viz.report_survey import SurveyReport
@@ -67,7 +67,7 @@ def frames_of(report: SurveyReport, grid: MapGrid) -> Frames:
     )
 
 
-def standing(told: tuple[Told, ...], agents: int, times: Float[np.ndarray, " k"]) -> Int[np.ndarray, "k m"]:
+def standing(told: tuple[Broadcast, ...], agents: int, times: Float[np.ndarray, " k"]) -> Int[np.ndarray, "k m"]:
     """For every instant and robot, the index of what it told last by then; -1 where it has told nothing."""
     index = np.full((len(times), agents), -1)
     for number in sorted(range(len(told)), key=lambda i: told[i].time):

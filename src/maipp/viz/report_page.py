@@ -112,7 +112,7 @@ def _switches(report: SurveyReport) -> str:
         ("measured", "measurements", ring.format(3, "#333", "#fff", 1), True),
         ("starts", "starts", ring.format(4, "#fff", "#000", 2), True),
     ]
-    if report.told:
+    if report.broadcasts:
         marks.append(("told", "intents", '<ellipse cx="6" cy="6" rx="5" ry="3" fill="#5553" stroke="#555"/>', True))
     if report.prior is not None:
         marks.append(

@@ -1,14 +1,23 @@
 """What a survey's report tells: the record, and the facts that give it names, places and units."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from maipp.engine.episode import Episode
 from maipp.errors import InputError
 from maipp.geo import GeoReference
-from maipp.team.told import Told
+from maipp.team.broadcast import Broadcast
 from maipp.typing import Float
+
+
+class Foreseen(NamedTuple):
+    """What a foresight expects of the true field at the end of a survey, on the evaluation grid, normalised units."""
+
+    name: str  # of the foresight
+    mean: Float[np.ndarray, " q"]
+    std: Float[np.ndarray, " q"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +40,15 @@ class SurveyReport:
     prior_x: np.ndarray | None = None  # (p, 2) places of earlier samples, user's coordinates; None: the record's
     prior_y: np.ndarray | None = None  # (p,) and their values, user's unit
     truth_known: bool = True  # the record's truth is one; False for a survey of the real world
-    told: tuple[Told, ...] = ()  # in any order
+    broadcasts: tuple[Broadcast, ...] = ()  # in any order
     warnings: tuple[str, ...] = ()  # what the reader must know before trusting the numbers
     summary: tuple[str, ...] = ()  # sentences that come first
     homes: tuple[str, ...] = ()  # of each robot, whether it came home, in words; empty: not told
     kept_out: tuple[tuple[str, ...], ...] = ()  # rows of the samples that do not count, their heading first
+    foreseen: Foreseen | None = None  # the map that a foresight draws of all that was measured; None: none was asked
 
     def __post_init__(self) -> None:
-        agents = len(self.episode.agents)
+        agents, truth = len(self.episode.agents), np.shape(self.episode.truth)
         if self.names and len(self.names) != agents:
             raise InputError(f"names: {len(self.names)} for {agents} robots; give one each, or none")
         if self.homes and len(self.homes) != agents:
@@ -54,14 +64,17 @@ class SurveyReport:
             places, values = np.shape(self.prior_x), np.shape(self.prior_y)
             if len(places) != 2 or places[1] != 2 or values != places[:1]:
                 raise InputError(f"prior_x, prior_y: shapes {places} and {values}; give (p, 2) and (p,)")
+        if self.foreseen is not None and not np.shape(self.foreseen.mean) == np.shape(self.foreseen.std) == truth:
+            shapes = np.shape(self.foreseen.mean), np.shape(self.foreseen.std)
+            raise InputError(f"foreseen: shapes {shapes[0]} and {shapes[1]}; give the evaluation grid's, {truth}")
         rings = [("area", self.area)] if self.area is not None else []
         for name, ring in rings + [(f"no_go[{i}]", ring) for i, ring in enumerate(self.no_go or ())]:
             shape = np.shape(ring)
             if len(shape) != 2 or shape[1] != 2 or shape[0] < 3 or not np.isfinite(ring).all():
                 raise InputError(f"{name}: shape {shape}; give (v, 2) with v >= 3 corners, all of them finite")
-        wrong = [told.agent for told in self.told if not 0 <= told.agent < agents]
+        wrong = [told.agent for told in self.broadcasts if not 0 <= told.agent < agents]
         if wrong:
-            raise InputError(f"told: robot {wrong[0]} of {agents}; count from 0")
+            raise InputError(f"broadcasts: robot {wrong[0]} of {agents}; count from 0")
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -6,8 +6,9 @@ from unicodedata import category
 
 import numpy as np
 
+from maipp.typing import Float
 from maipp.viz.report_frames import Frames
-from maipp.viz.report_survey import SurveyReport
+from maipp.viz.report_survey import Foreseen, SurveyReport
 from maipp.viz.report_units import Unit, decimals, length_unit, number, percent, setting, time_unit
 from maipp.viz.style import agent_colour, agent_line
 
@@ -73,6 +74,8 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
         found = frames.found[-1]
         share = percent(found, 1.0) if np.isfinite(found) else "there is none"
         cards.append(("True area of high interest", share, "lies in the predicted one" if np.isfinite(found) else ""))
+    if report.foreseen is not None:
+        cards.insert(3, _foreseen(report, report.foreseen))  # beside the belief's
     duration = Unit(time_unit(report).factor, time_unit(report).name or "units of time").text(episode.end)
     cards.append(("Travelled", length.text(episode.distance), f"by the team, in {duration}"))
     known = 0 if report.prior is None else len(report.prior[1])
@@ -83,6 +86,22 @@ def key_numbers(report: SurveyReport, frames: Frames) -> str:
         for name, value, more in cards
     )
     return f'<dl class="cards">{items}</dl><p class="explained">{escaped(TRACE)}</p>'
+
+
+def _foreseen(report: SurveyReport, foreseen: Foreseen) -> tuple[str, str, str]:
+    """How far the map of a foresight is off, or may be."""
+    episode = report.episode
+    inside, geo = episode.inside, report.geo
+    expected = _valued(float(geo.to_user_std(_root_mean_square(foreseen.std[inside]))), report)
+    heading = f"Map error, {foreseen.name}"
+    if not report.truth_known:
+        return heading, "not known", f"about {expected} is to be expected (RMSE) of the map that is foreseen"
+    error = float(geo.to_user_std(_root_mean_square((foreseen.mean - episode.truth)[inside])))
+    return heading, _valued(error, report), f"RMSE of the map that is foreseen; {expected} expected"
+
+
+def _root_mean_square(values: Float[np.ndarray, " p"]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def summary(report: SurveyReport) -> str:

@@ -21,11 +21,11 @@ from maipp.bench.cells import CELLS, cells, fill
 from maipp.bench.sweep import local
 from maipp.bench.sweep.dealing import Where, choose, run_sweep
 from maipp.bench.sweep.local import MOST_DEATHS, default_workers, pinned_cores
-from maipp.bench.tables import Row, Sample
+from maipp.bench.tables import Row, SampleSize
 from maipp.errors import InputError
 from tests.bench.sweep.held_jobs import Held, held, started
 
-SAMPLE = Sample(instances=2, trials=2, seed=3)
+SAMPLE = SampleSize(instances=2, trials=2, seed=3)
 ONE, TWO = Where(workers=1), Where(workers=2)
 
 
@@ -152,6 +152,7 @@ def assert_nobody_is_left(group):
     pytest.fail("a process of the group is left")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals to a group")
 def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(running):
     os.killpg(running.pid, signal.SIGINT)
@@ -160,6 +161,7 @@ def test_ctrl_c_ends_all_processes_and_says_how_to_go_on(running):
     assert_nobody_is_left(running.pid)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals to a group")
 def test_workers_end_with_a_parent_that_is_killed(running):
     running.kill()

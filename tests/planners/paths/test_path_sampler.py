@@ -72,7 +72,7 @@ def test_of_a_survey_beyond_the_capacity_the_nodes_are_predicted_with_the_grid(t
 
 @eqx.filter_jit
 def look(planner, observation, belief, intent):
-    situation = planner.sampler.situation(observation, belief.on(observation.roadmap.nodes), intent)
+    situation = planner.sampler.agent_state(observation, belief.on(observation.roadmap.nodes), intent)
     return situation, planner.sampler.look(situation, planner.initial_memory())
 
 

@@ -15,7 +15,7 @@ from maipp.engine import Decision, Planner, draw_missions, reset
 from maipp.engine.advance import advance
 from maipp.engine.observe import knowledge, observe
 from maipp.planners.intent import IntentPlanner
-from maipp.planners.paths.paths import Situation, path_measurements, sample_paths
+from maipp.planners.paths.paths import AgentState, path_measurements, sample_paths
 from maipp.planners.roadmap.edges import edges
 from maipp.roadmap import laplacian_encoding, sample_roadmaps
 from maipp.scenario import Scenario
@@ -46,7 +46,7 @@ def draw(scenario, seed, remaining=None):
     node = int(rng.integers(scenario.nodes))
     left = rng.uniform(0, 1.2) if remaining is None else remaining
     scalar = {"remaining": left, "to_next": rng.uniform(0.01, 0.2)}
-    situation = Situation(
+    situation = AgentState(
         roadmap=roadmap,
         nodes=belief.on(roadmap.nodes),
         here=edges(roadmap, jnp.int32(node), jnp.float32(left), scenario.last_leg),
@@ -190,7 +190,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
         first = Scripted(scenario, jnp.broadcast_to(roadmap.nodes[roadmap.neighbours[0, edge]], (STEPS, 2)))
         state = go(first, reset(first, mission))
         observation = eqx.filter_jit(observe)(mission, knowledge(mission, state, agent, heard))
-        situation = planner.sampler.situation(observation, observation.at_nodes, jnp.zeros(scenario.nodes))
+        situation = planner.sampler.agent_state(observation, observation.at_nodes, jnp.zeros(scenario.nodes))
         assert int(situation.here.node) == int(roadmap.neighbours[0, edge])
         paths, points, taken = sample(planner, situation, jax.random.key(edge))
         for nodes, length, spots, lives in zip(paths.nodes, paths.length, points, taken, strict=True):

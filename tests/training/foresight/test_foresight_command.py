@@ -6,7 +6,7 @@ from maipp.cli import train_foresight as command
 from maipp.cli.main import main
 from maipp.training.foresight.config import NAMED
 from maipp.training.foresight.run import FitResult, FitStep
-from maipp.training.run_folder import Record
+from maipp.training.run_folder import RunProgress
 
 SCORES = {
     "learned_rmse": 0.1, "fitted_rmse": 0.12, "belief_rmse": 0.16, "learned_nll": -1.2, "fitted_nll": -1.0,
@@ -24,7 +24,7 @@ def called(monkeypatch):
         progress(FitStep(1, 8, 2.0, {"loss": 0.5}))
         progress(FitStep(4, 8, 9.0, {}, SCORES))
         assert set(about) == {"machine", "versions"}
-        return FitResult(Record(update=4, transitions=640, wall_s=9.0), config.seed == 13)
+        return FitResult(RunProgress(update=4, transitions=640, wall_s=9.0), config.seed == 13)
 
     monkeypatch.setattr(command, "train_foresight", train)
     return configs

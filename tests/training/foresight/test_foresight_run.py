@@ -14,14 +14,12 @@ import pytest
 from maipp.errors import InputError
 from maipp.foresight.model import GROUPS, group_of
 from maipp.foresight.shipped import model_named
-from maipp.training.config_io import Kind, dump_config, override, parse_config
+from maipp.training.config_io import ConfigKind, dump_config, override, parse_config
 from maipp.training.foresight.bank import Routes, make_bank, parts
 from maipp.training.foresight.config import NAMED, ForesightConfig
 from maipp.training.foresight.learner import ForesightLearner
 from maipp.training.foresight.run import train_foresight
-from maipp.training.journal import read_log
-
-pytestmark = pytest.mark.slow
+from maipp.training.training_log import read_log
 
 TINY = NAMED["smoke"].replace(width=8, updates=6, evaluate_every=3, validation=16, area=1.0, average=0.9)
 
@@ -64,6 +62,7 @@ def test_what_a_run_leaves(straight):
     assert np.all(np.asarray(model.widening) > 0.3) and np.all(np.asarray(model.widening) < 3.0)
 
 
+@pytest.mark.slow
 def test_interrupted_and_resumed_a_run_ends_with_the_same_bytes(straight, tmp_path):
     out, learner, _ = straight
 
@@ -96,7 +95,7 @@ def test_routes_are_in_the_order_of_time_and_as_many_as_fit(straight):
 
 
 def test_a_configuration_goes_through_yaml_and_says_what_is_wrong():
-    kind = Kind(NAMED, "docs/training-keys.md")
+    kind = ConfigKind(NAMED, "docs/training-keys.md")
     for config in (ForesightConfig(), TINY):
         assert parse_config(dump_config(config), kind=kind) == config
     assert override(TINY, ["batch=4", "planners=random"]) == dataclasses.replace(TINY, batch=4, planners=("random",))

@@ -23,7 +23,7 @@ def introduction() -> dict[str, Any]:
     import jax
     import jax.numpy as jnp
 
-    from maipp.bench.made_by import SIMULATION, code_digest, library_versions, versions
+    from maipp.bench.provenance import SIMULATION, code_digest, library_versions, versions
 
     return {
         **versions(),

@@ -41,7 +41,7 @@ def pinned_cores() -> list[int | None]:
     return cores if core_count() >= len(cores) else [None]
 
 
-class _Lane:
+class _CoreProcess:
     """A core with one process on it: a pool of one, so that the death of a process is that of its own job only."""
 
     def __init__(self, core: int | None) -> None:
@@ -71,8 +71,8 @@ class Processes:
 
     def __init__(self, workers: int) -> None:
         cores = pinned_cores()
-        self._lanes = [_Lane(cores[i % len(cores)]) for i in range(workers)]
-        self._at: dict[Future, tuple[_Lane, int, Job]] = {}
+        self._lanes = [_CoreProcess(cores[i % len(cores)]) for i in range(workers)]
+        self._at: dict[Future, tuple[_CoreProcess, int, Job]] = {}
         self._deaths: Counter[int] = Counter()  # by the number of the job
 
     def free(self) -> Collection[Hashable]:
@@ -82,7 +82,7 @@ class Processes:
 
     def give(self, seat: Hashable, number: int, job: Job) -> None:
         """Have a lane do a job."""
-        assert isinstance(seat, _Lane)
+        assert isinstance(seat, _CoreProcess)
         self._at[seat.submit(job)] = seat, number, job
 
     def wait(self) -> Iterable[tuple[int, Any]]:
@@ -102,7 +102,7 @@ class Processes:
         for lane in self._lanes:
             lane.end()
 
-    def _ended(self, lane: _Lane, number: int, job: Job) -> Any:
+    def _ended(self, lane: _CoreProcess, number: int, job: Job) -> Any:
         """What becomes of the job whose process is no more."""
         code = lane.end()
         who = f"--workers: the process that computed {job.words},"
@@ -117,5 +117,5 @@ class Processes:
                 f"{who} was ended by signal {-code}, perhaps for want of memory, and so were {MOST_DEATHS - 1} before "
                 "it; the same command goes on, give fewer workers"
             )
-        self._lanes[self._lanes.index(lane)] = _Lane(lane.core)
+        self._lanes[self._lanes.index(lane)] = _CoreProcess(lane.core)
         return LOST

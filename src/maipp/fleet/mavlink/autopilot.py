@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from maipp.fleet.mavlink.link import COMPONENT, Heard
+from maipp.fleet.mavlink.link import COMPONENT, StampedMessage
 from maipp.fleet.mavlink.modes import ARDUPILOT, PX4, Mode
 
 _AUTOPILOT, _NO_AUTOPILOT = 1, 8  # MAV_COMP_ID_AUTOPILOT1, MAV_AUTOPILOT_INVALID
@@ -31,7 +31,7 @@ class Autopilot:
         self.current: tuple[int, float] | None = None  # number of the mission's item, monotonic time
         self.refused: str | None = None  # why it did not change its mode
 
-    def hear(self, heard: Heard) -> bool:
+    def hear(self, heard: StampedMessage) -> bool:
         """Take up a message; whether it is of this autopilot, and for everybody or this system."""
         message, kind = heard.message, heard.message.get_type()
         if kind == "HEARTBEAT" and message.get_srcComponent() == _AUTOPILOT and message.autopilot != _NO_AUTOPILOT:

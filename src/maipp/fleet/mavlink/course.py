@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from maipp.fleet.mavlink.autopilot import Autopilot
-from maipp.fleet.mavlink.link import Heard
-from maipp.fleet.mavlink.mission import items_of
+from maipp.fleet.mavlink.link import StampedMessage
+from maipp.fleet.mavlink.mission_items import items_of
 from maipp.fleet.mavlink.modes import PX4, Modes, modes_of
 from maipp.fleet.mavlink.upload import FENCE, Upload
-from maipp.missions.qgc_plan import Command
-from maipp.missions.vehicle import AUTOPILOTS, Vehicle
+from maipp.route_files.qgc_plan import MissionItem
+from maipp.route_files.vehicle_settings import AUTOPILOTS, VehicleSettings
 from maipp.typing import Float
 
 _REPEAT, _PAUSE = 1.5, 10.0  # s from a command to the next, and from a mission that was refused to the next attempt
@@ -23,7 +23,7 @@ _SURE = 3.0  # s after which a mode is what somebody chose, not an old message
 REST, STOPPING, FENCING, UPLOADING, CHOOSING, STARTING, UNDER_WAY = range(7)
 
 
-class Told:
+class Notices:
     """What is said to people: what is so for a while once, and that it is over."""
 
     def __init__(self, robot: str, tell: Callable[[str], None]) -> None:
@@ -47,13 +47,13 @@ class Told:
                 self.say(text)
 
 
-class Choice(NamedTuple):
+class AutopilotSettings(NamedTuple):
     """What was chosen for a vehicle."""
 
-    vehicle: Vehicle
+    vehicle: VehicleSettings
     speed: Callable[[], float]  # metres per second, as it is now
     hold: str = ""  # mode in which it holds; empty: the usual one
-    fence: Sequence[Command] = ()  # what its fence is to be; none: the one that it has
+    fence: Sequence[MissionItem] = ()  # what its fence is to be; none: the one that it has
 
 
 class Course:
@@ -62,7 +62,7 @@ class Course:
     A person arms the vehicle, and puts it into the mode in which it holds; one who takes it over has it.
     """
 
-    def __init__(self, autopilot: Autopilot, choice: Choice, told: Told) -> None:
+    def __init__(self, autopilot: Autopilot, choice: AutopilotSettings, told: Notices) -> None:
         self._autopilot, self._choice, self._told = autopilot, choice, told
         self.state = REST
         self._upload: Upload | None = None
@@ -100,7 +100,7 @@ class Course:
         self._upload = None
         self._enter(REST, now)
 
-    def hear(self, heard: Heard) -> int | None:
+    def hear(self, heard: StampedMessage) -> int | None:
         """Take up a message; the number of a waypoint (from 0) that it says to have reached."""
         message = heard.message
         if message.get_type() == "MISSION_ITEM_REACHED":

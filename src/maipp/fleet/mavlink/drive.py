@@ -9,9 +9,9 @@ import numpy as np
 
 from maipp.fleet.clock import Clock
 from maipp.fleet.mavlink.autopilot import Autopilot
-from maipp.fleet.mavlink.course import UNDER_WAY, Choice, Course, Told
+from maipp.fleet.mavlink.course import UNDER_WAY, AutopilotSettings, Course, Notices
 from maipp.fleet.mavlink.inside import Inside
-from maipp.fleet.mavlink.link import Heard
+from maipp.fleet.mavlink.link import StampedMessage
 from maipp.fleet.mavlink.passing import Passed, Passing
 from maipp.fleet.mavlink.sensor import Sensor
 from maipp.fleet.vehicle import Fix, Place, Reached, Reading, Report
@@ -25,7 +25,7 @@ _MOVED = 0.01  # metres
 _LAST_WORDS = 1.0  # s that the autopilot has to hold at the end
 
 
-class Ground(NamedTuple):
+class LocalPlane(NamedTuple):
     """Where it drives: metres of a plane, and the survey's own coordinates."""
 
     to_plane: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 2"]]
@@ -51,7 +51,7 @@ class Channel(Protocol):
         """Send a message."""
         ...
 
-    def take(self) -> list[Heard]:
+    def take(self) -> list[StampedMessage]:
         """What has come."""
         ...
 
@@ -67,11 +67,11 @@ class Drive:
         self,
         channel: Channel,
         autopilot: Autopilot,
-        ground: Ground,
-        choice: Choice,
+        ground: LocalPlane,
+        choice: AutopilotSettings,
         senses: Senses,
         clock: Clock,
-        told: Told,
+        told: Notices,
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._channel, self._autopilot, self._ground, self._senses = channel, autopilot, ground, senses
@@ -161,7 +161,7 @@ class Drive:
             self._look_whether_there(now)
             self._look_whether_it_moves(now)
 
-    def _hear(self, heard: Heard) -> None:
+    def _hear(self, heard: StampedMessage) -> None:
         kind, message = heard.message.get_type(), heard.message
         if kind == "NAMED_VALUE_FLOAT":
             if message.name.rstrip("\0") == self._senses.name:

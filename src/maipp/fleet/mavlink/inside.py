@@ -8,7 +8,7 @@ from shapely.geometry import Point, Polygon
 from shapely.ops import nearest_points
 
 from maipp.errors import InputError
-from maipp.missions.fences import Fence
+from maipp.route_files.fences import Fence
 from maipp.typing import Float
 
 Points = Float[np.ndarray, "n 2"]

@@ -19,7 +19,7 @@ _HEARTBEAT, _AGAIN = 1.0, 0.5  # s
 _FAILS = (OSError, ValueError, AttributeError, TypeError)
 
 
-class Heard(NamedTuple):
+class StampedMessage(NamedTuple):
     """A message, and when it came."""
 
     message: Any
@@ -27,7 +27,7 @@ class Heard(NamedTuple):
     now: float  # monotonic seconds
 
 
-class Link:
+class MavlinkConnection:
     """The way to an autopilot. `send` and `take` are for one thread."""
 
     def __init__(self, url: str, baud: int, system: int, clock: Callable[[], float]) -> None:
@@ -45,7 +45,7 @@ class Link:
         self._mav = dialect.MAVLink(self._port, srcSystem=system, srcComponent=COMPONENT)
         self._mav.robust_parsing = True
         self._clock, self._lock, self._ended = clock, threading.Lock(), threading.Event()
-        self._queue: queue.Queue[Heard] = queue.Queue(_QUEUE)
+        self._queue: queue.Queue[StampedMessage] = queue.Queue(_QUEUE)
         self._thread = threading.Thread(target=self._run, name="mavlink", daemon=True)
         self._thread.start()
 
@@ -54,7 +54,7 @@ class Link:
         with self._lock, contextlib.suppress(*_FAILS):
             getattr(self._mav, f"{name}_send")(*fields)
 
-    def take(self) -> list[Heard]:
+    def take(self) -> list[StampedMessage]:
         """What has come since the last call."""
         taken = []
         while len(taken) < _QUEUE:
@@ -86,7 +86,7 @@ class Link:
                 self._reopen()
                 continue
             for message in self._parsed(text):
-                self._put(Heard(message, self._clock(), time.monotonic()))
+                self._put(StampedMessage(message, self._clock(), time.monotonic()))
 
     def _parsed(self, text: bytes | str) -> list[Any]:
         """The messages of what was received (a text is nothing); noise may look like one that cannot be decoded."""
@@ -110,7 +110,7 @@ class Link:
         else:
             select.select([fd], [], [], 0.05)
 
-    def _put(self, heard: Heard) -> None:
+    def _put(self, heard: StampedMessage) -> None:
         while True:
             try:
                 return self._queue.put_nowait(heard)

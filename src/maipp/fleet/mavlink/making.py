@@ -11,21 +11,21 @@ from maipp.errors import InputError
 from maipp.fleet.clock import Clock
 from maipp.fleet.line_streams import LineInput
 from maipp.fleet.mavlink.autopilot import Autopilot
-from maipp.fleet.mavlink.course import Choice, Told
-from maipp.fleet.mavlink.drive import Drive, Ground, Senses
+from maipp.fleet.mavlink.course import AutopilotSettings, Notices
+from maipp.fleet.mavlink.drive import Drive, LocalPlane, Senses
 from maipp.fleet.mavlink.inside import Inside
-from maipp.fleet.mavlink.link import Link
-from maipp.fleet.mavlink.mission import fence_items
+from maipp.fleet.mavlink.link import MavlinkConnection
+from maipp.fleet.mavlink.mission_items import fence_items
 from maipp.fleet.mavlink.modes import modes_of
 from maipp.fleet.mavlink.sensor import Sensor
-from maipp.fleet.vehicles import Place, numbers
+from maipp.fleet.vehicles import VehicleContext, numbers
 from maipp.live.request import parse_line
-from maipp.missions.fences import Fence
-from maipp.missions.files import fence_for
-from maipp.missions.route_plan import Route, RoutePlan
-from maipp.missions.vehicle import AUTOPILOTS
 from maipp.records import Value
 from maipp.records.kinds import Finite
+from maipp.route_files.fences import Fence
+from maipp.route_files.route_plan import Route, RoutePlan
+from maipp.route_files.vehicle_settings import AUTOPILOTS
+from maipp.route_files.writer import fence_for
 from maipp.surveys.standardise import PreparedSurvey
 
 KEEP, UPLOAD = "keep", "upload"  # the autopilot's fence
@@ -46,7 +46,7 @@ _LIKE = '{"value": 3.2}'
 LINES = "lines"  # the sensor whose values come as lines of standard input
 
 
-def make(place: Place, options: Mapping[str, str]) -> Drive:
+def make(place: VehicleContext, options: Mapping[str, str]) -> Drive:
     """The vehicle; its options are in docs/vehicles.md.
 
     Waits for the autopilot to say where it is. Raises `InputError` where it does not, for a mission without longitudes
@@ -65,14 +65,14 @@ def make(place: Place, options: Mapping[str, str]) -> Drive:
     if told["fence"] == UPLOAD and not vehicle.fence:
         raise InputError("--with fence=upload: the mission says vehicle: {fence: false}; keep one of the two")
     items = fence_items(fence) if told["fence"] == UPLOAD else []
-    choice = Choice(vehicle, speed, told["hold"], items)
+    choice = AutopilotSettings(vehicle, speed, told["hold"], items)
     sensor = Sensor(told["age"])
     senses = Senses(sensor, told["sensor"])
     if told["sensor"] == LINES:
         senses = senses._replace(take=_values(sensor, place.clock, place.tell))
-    link = Link(told["url"], told["baud"], told["source"], place.clock.now)
+    link = MavlinkConnection(told["url"], told["baud"], told["source"], place.clock.now)
     autopilot = Autopilot(told["system"], told["source"], link.send)
-    drive = Drive(link, autopilot, ground, choice, senses, place.clock, Told(place.robot, place.tell))
+    drive = Drive(link, autopilot, ground, choice, senses, place.clock, Notices(place.robot, place.tell))
     end = time.monotonic() + told["wait"]
     while not drive.known:
         if time.monotonic() > end:
@@ -95,8 +95,8 @@ def _check(told: Mapping[str, Any]) -> None:
             raise InputError(f"--with {key}={told[key]:g}: give a number above 0")
 
 
-def _fence(place: Place, mission: PreparedSurvey) -> Fence:
-    """The fence that mission files of this survey have."""
+def _fence(place: VehicleContext, mission: PreparedSurvey) -> Fence:
+    """The fence that route files of this survey have."""
     frame, number, world = mission.frame, mission.names.index(place.robot), place.survey.world
     start = frame.to_user(np.asarray(world.mission.start, np.float64)[number : number + 1])
     route = Route(place.robot, start, np.zeros(1), mission.survey.robots[number].speed)
@@ -104,11 +104,11 @@ def _fence(place: Place, mission: PreparedSurvey) -> Fence:
     return fence_for(plan, mission.survey.vehicle)
 
 
-def _ground(place: Place, mission: PreparedSurvey, fence: Fence, margin: float, radius: float) -> Ground:
+def _ground(place: VehicleContext, mission: PreparedSurvey, fence: Fence, margin: float, radius: float) -> LocalPlane:
     """Where it drives."""
     frame, inside = mission.frame, Inside(fence, margin, mission.frame.to_plane)
     interval = place.survey.setup.units.length_out(place.survey.world.scenario.measurement_interval)
-    return Ground(frame.to_plane, frame.from_plane, inside, interval, radius)
+    return LocalPlane(frame.to_plane, frame.from_plane, inside, interval, radius)
 
 
 def _values(sensor: Sensor, clock: Clock, tell: Callable[[str], None]) -> Callable[[], None]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maipp.fleet.ways import ways_to
+from maipp.fleet.measuring_places import distances_along
 from maipp.typing import Float
 
 _SLACK = 5.0  # metres that its way may be longer than it moved, as where it cuts a corner
@@ -29,7 +29,7 @@ class Passing:
         """Along `way`, from where it is; the last measurement was `since` before, the next are an `interval` apart."""
         self._way = way
         self._marks = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
-        self._due = ways_to(way, places, interval, since)
+        self._due = distances_along(way, places, interval, since)
         self.progress = 0.0
         self._last: Passed | None = None
         self._measured = -since

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from maipp.missions.qgc_plan import Command
+from maipp.route_files.qgc_plan import MissionItem
 
 Send = Callable[..., None]  # name of a message, and its fields behind the target's system and component
 
@@ -27,7 +27,7 @@ _SCALE = 1e7  # degrees in a message's integers
 class Upload:
     """One upload. `done` once the autopilot has accepted the mission, `problem` once it will not have it."""
 
-    def __init__(self, items: Sequence[Command], send: Send, kind: int = MISSION) -> None:
+    def __init__(self, items: Sequence[MissionItem], send: Send, kind: int = MISSION) -> None:
         self._items, self._send, self._kind = list(items), send, kind
         self.done = False
         self.problem: str | None = None

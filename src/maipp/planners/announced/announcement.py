@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from maipp.belief import Belief
 from maipp.engine.decision import Observation
-from maipp.planners.announced.told import count_told
+from maipp.planners.announced.announced_measurements import count_announced
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Float
 
@@ -46,7 +46,7 @@ def with_announced(
     future = announced.times > observation.time + DISTANCE_TOLERANCE / observation.speed
     counts = jnp.where(observation.heard[:, None], future, recall)
     valid = counts & jnp.isfinite(announced.times)
-    return count_told(
+    return count_announced(
         observation.belief,
         announced.points.reshape(-1, 2),
         valid.reshape(-1),

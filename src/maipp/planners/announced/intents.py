@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 
 from maipp.belief import Belief
-from maipp.planners.announced.told import count_told
-from maipp.team.intent import Intent, is_told
+from maipp.planners.announced.announced_measurements import count_announced
+from maipp.team.intent import Intent, is_announced
 from maipp.typing import Array, Bool, Float, Point
 
 # Three equal weights at -s, 0, s standard deviations have unit variance at s = sqrt(3/2).
@@ -28,7 +28,7 @@ def with_intents(
 
     `intents` has a leading axis m. Of very many, those nearest to `near` count, if it is given.
     """
-    counts = heard & is_told(intents)
+    counts = heard & is_announced(intents)
     points = jnp.where(counts[:, None, None], intent_points(intents), 0.0)
     told = jnp.repeat(counts, points.shape[1])
-    return count_told(belief, points.reshape(-1, 2), told, near=near, virtual_value=virtual_value)
+    return count_announced(belief, points.reshape(-1, 2), told, near=near, virtual_value=virtual_value)

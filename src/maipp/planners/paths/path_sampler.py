@@ -1,5 +1,6 @@
 """The policy on a roadmap: what the network is shown, what it chooses, and the paths sampled from it."""
 
+import warnings
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,9 +13,9 @@ from maipp.engine.options import option
 from maipp.errors import InputError
 from maipp.planners.announced.meeting import appointment
 from maipp.planners.lookahead import predicted
-from maipp.planners.paths.paths import Paths, Situation, follow, path_measurements, sample_paths
+from maipp.planners.paths.paths import AgentState, Paths, follow, path_measurements, sample_paths
 from maipp.planners.paths.view import PolicyView, policy_view
-from maipp.planners.roadmap.edges import edges_here, roadmap_of
+from maipp.planners.roadmap.edges import feasible_edges, roadmap_of
 from maipp.policy import Memory, PolicyNetwork, Prepared, network_named
 from maipp.problem import Problem
 from maipp.scenario import Scenario
@@ -39,7 +40,7 @@ class Insight(NamedTuple):
 class Choice(NamedTuple):
     """A decision as a trainer needs it."""
 
-    situation: Situation  # where the agent was
+    situation: AgentState  # where the agent was
     insight: Insight  # what the network made of it
     memory: Memory  # of the network before the decision
     index: Index  # the neighbour chosen
@@ -91,7 +92,7 @@ class PathSampler(eqx.Module):
         """8: on 128 missions at B = 3 `sga-catnipp` took 1.5 times as long with 32, `di` 1.2 times."""
         return 8
 
-    def situation(self, observation: Observation, nodes: Belief | None, intent: Vector) -> Situation:
+    def agent_state(self, observation: Observation, nodes: Belief | None, intent: Vector) -> AgentState:
         """Where the due agent is on its roadmap.
 
         `nodes` is a belief at its nodes (`Observation.at_nodes`, or one that counts what others announced), `intent`
@@ -100,10 +101,10 @@ class PathSampler(eqx.Module):
         roadmap = roadmap_of(observation)
         assert nodes is not None  # there is a roadmap
         meeting = appointment(self.scenario, observation, meet=self.meet)
-        return Situation(
+        return AgentState(
             roadmap=roadmap,
             nodes=nodes,
-            here=edges_here(self.scenario, observation, meeting),
+            here=feasible_edges(self.scenario, observation, meeting),
             position=observation.position,
             remaining=observation.remaining,
             to_next=observation.to_next_measurement,
@@ -111,7 +112,13 @@ class PathSampler(eqx.Module):
             meeting=meeting,
         )
 
-    def look(self, situation: Situation, memory: Memory) -> Insight:
+    def situation(self, observation: Observation, belief: Belief, intent: Vector) -> AgentState:
+        """The old name of `agent_state`, for one release."""
+        warnings.warn("situation is now agent_state; the next release knows the new name only", DeprecationWarning, 2)
+        nodes = jnp.asarray(roadmap_of(observation).nodes)
+        return self.agent_state(observation, belief.on(nodes), intent)
+
+    def look(self, situation: AgentState, memory: Memory) -> Insight:
         """Show the situation to the network."""
         where = (situation.here, situation.position, situation.remaining)
         view = policy_view(self.scenario, situation.roadmap, situation.nodes, *where, situation.intent)
@@ -128,7 +135,7 @@ class PathSampler(eqx.Module):
     def sample(
         self,
         key: Key,
-        situation: Situation,
+        situation: AgentState,
         insight: Insight,
         *,
         paths: int,
@@ -167,7 +174,7 @@ class PathSampler(eqx.Module):
         )
 
     def outcomes(
-        self, belief: Belief, situation: Situation, paths: Paths
+        self, belief: Belief, situation: AgentState, paths: Paths
     ) -> tuple[Float[Array, "a q"], Float[Array, "a q"]]:
         """Mean and variance on the evaluation grid after each path, by `belief`."""
         points, taken = path_measurements(self.scenario, situation, paths)

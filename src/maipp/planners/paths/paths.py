@@ -33,7 +33,7 @@ class Paths(NamedTuple):
     turns: Int[Array, "a j"]  # which neighbour each visits at each step; -1 for steps not taken
 
 
-class Situation(NamedTuple):
+class AgentState(NamedTuple):
     """Where the due agent is, and what it knows: what all virtual steps start from."""
 
     roadmap: Roadmap
@@ -46,13 +46,13 @@ class Situation(NamedTuple):
     meeting: Rendezvous | None = None  # where to be at the end
 
 
-def path_measurements(scenario: ScenarioLike, situation: Situation, paths: Paths) -> tuple[Array, Array]:
+def path_measurements(scenario: ScenarioLike, situation: AgentState, paths: Paths) -> tuple[Array, Array]:
     """Where each path measures, (a, h, 2), and which of these measurements it lives to take, (a, h)."""
     return _measurements(scenario, situation, jnp.asarray(situation.roadmap.nodes)[paths.nodes], paths.length)
 
 
 def _measurements(
-    scenario: ScenarioLike, situation: Situation, waypoints: Float[Array, "a j 2"], length: Float[Array, " a"]
+    scenario: ScenarioLike, situation: AgentState, waypoints: Float[Array, "a j 2"], length: Float[Array, " a"]
 ) -> tuple[Float[Array, "a h 2"], Bool[Array, "a h"]]:
     interval = scenario.measurement_interval
     # Room for as many as edges of the usual length pass, or as many as there can ever be.
@@ -70,25 +70,35 @@ def _measurements(
 
 def virtual_views(
     scenario: ScenarioLike,
-    start: Situation,
+    start: AgentState,
     node: Int[Array, " a"],
     nodes: Int[Array, "a j"],
     length: Float[Array, " a"],
+    *,
+    features: bool = True,
 ) -> PolicyView:
     """What the policy is shown at `node` (leading axis a), having come by `nodes`, `length` far (domain units).
 
-    Budget and standard deviations are as the measurements passed so far would leave them.
+    Budget and standard deviations are as the measurements passed so far would leave them. Without `features` these are
+    the real situation's, and only the neighbours are looked at anew.
     """
     positions = jnp.asarray(start.roadmap.nodes)
     points, taken = _measurements(scenario, start, positions[nodes], length)
-    std = jnp.sqrt(predicted_variance(start.nodes, points, taken))
+    everywhere = predicted_variance(start.nodes, points, taken) if features else None
 
-    def look(node: Index, length: Array, std: Vector) -> PolicyView:
+    def look(
+        node: Index, length: Array, points: Float[Array, "h 2"], taken: Bool[Array, " h"], variance: Vector | None
+    ) -> PolicyView:
         remaining = start.remaining - length
         here = edges(start.roadmap, node, remaining, scenario.last_leg, start.meeting)
-        return policy_view(scenario, start.roadmap, start.nodes, here, positions[node], remaining, start.intent, std)
+        where = here, positions[node], remaining, start.intent
+        if variance is not None:
+            return policy_view(scenario, start.roadmap, start.nodes, *where, jnp.sqrt(variance))
+        near = predicted_variance(start.nodes.at(here.target_nodes), points[None], taken[None])[0]
+        shown = policy_view(scenario, start.roadmap, start.nodes, *where)
+        return shown._replace(neighbour_std=jnp.sqrt(near))
 
-    return jax.vmap(look)(node, length, std)
+    return jax.vmap(look)(node, length, points, taken, everywhere)
 
 
 def follow(turn: Index, allowed: Bool[Array, " k"], otherwise: Index) -> Index:
@@ -96,7 +106,7 @@ def follow(turn: Index, allowed: Bool[Array, " k"], otherwise: Index) -> Index:
     return jnp.where((turn >= 0) & allowed[turn], turn, otherwise)
 
 
-class _Step(NamedTuple):
+class _VirtualStep(NamedTuple):
     """Where the a paths are."""
 
     node: Int[Array, " a"]
@@ -109,7 +119,7 @@ def sample_paths(
     scenario: ScenarioLike,
     network: PolicyNetwork,
     prepared: Prepared,
-    situation: Situation,
+    situation: AgentState,
     choices: Int[Array, " a"],
     memory: Memory,
     key: Key,
@@ -132,7 +142,7 @@ def sample_paths(
     first = start.here
     go = first.allowed[choices]
     node = jnp.where(go, first.target_nodes[choices], first.node)
-    state = _Step(
+    state = _VirtualStep(
         node=node,
         nodes=jnp.broadcast_to(node[:, None], (count, steps)),
         length=jnp.where(go, first.lengths[choices], 0.0),
@@ -146,9 +156,9 @@ def sample_paths(
         logits, _, memory = network.decode(ready, *view[2:], memory)
         return logits, memory
 
-    def advance(state: _Step, inputs: tuple[Array, Key]) -> tuple[_Step, tuple[Array, Array]]:
+    def advance(state: _VirtualStep, inputs: tuple[Array, Key]) -> tuple[_VirtualStep, tuple[Array, Array]]:
         t, step_key = inputs
-        view = virtual_views(scenario, start, state.node, state.nodes, state.length)
+        view = virtual_views(scenario, start, state.node, state.nodes, state.length, features=reencode)
         # Where nothing is allowed all logits are -inf; any number will do, as the path stays where it is.
         logits, memory = jax.vmap(decode)(view, state.memory)
         go = view.allowed.any(axis=-1)
@@ -158,7 +168,7 @@ def sample_paths(
         node = jnp.where(go, neighbours[state.node, choice], state.node)
         length = state.length + jnp.where(go, distances[state.node, choice], 0.0)
         nodes = jnp.where(jnp.arange(steps) >= t, node[:, None], state.nodes)
-        return _Step(node, nodes, length, memory), (go, jnp.where(go, choice, -1))
+        return _VirtualStep(node, nodes, length, memory), (go, jnp.where(go, choice, -1))
 
     times = jnp.arange(1, steps)
     state, (went, turns) = lax.scan(advance, state, (times, jax.random.split(key, steps - 1)))

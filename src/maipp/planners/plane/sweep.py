@@ -64,7 +64,7 @@ def clipped_sweep(
     table = np.stack([np.pad(order, (0, longest - len(order)), constant_values=-1) for order in orders]).reshape(shape)
     return Sweep(
         points=padded(places, (count, 2), -max(scenario.extent)),
-        onward=padded(free.ways_to(places), (corners, count), np.inf),
+        onward=padded(free.corner_lengths_to(places), (corners, count), np.inf),
         order=padded(np.maximum(table, 0), shape, 0),
         valid=padded(table >= 0, shape, False),
     )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
-from maipp.roadmap.ways import sight, waypoints, ways_from
+from maipp.roadmap.shortest_paths import shortest_paths, sight, waypoints
 from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Float, Point, Real
 
@@ -39,7 +39,7 @@ def best_transit(
     # Whether a point is in sight is only asked of the best.
     about = jnp.where(jnp.isfinite(around), around, jnp.sqrt(jnp.sum(offset * offset, axis=-1)))
     some = lax.top_k(worth / (about + interval), min(_LOOKED_UP, len(worth)))[1]
-    ways = ways_from(zones, here, zones.places[some], zones.to_place[:, some])
+    ways = shortest_paths(zones, here, zones.places[some], zones.to_place[:, some])
     in_reach = ways.length <= remaining
     best = lax.top_k(jnp.where(in_reach, worth[some] / (ways.length + interval), -1.0), min(_PREDICTED, len(some)))[1]
     length = ways.length[best]

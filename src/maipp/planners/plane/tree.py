@@ -11,8 +11,8 @@ from jax.flatten_util import ravel_pytree
 
 from maipp.engine.polyline import along_paths, first_part
 from maipp.planners.plane.transit import best_transit
-from maipp.roadmap.free_run import free_share
-from maipp.roadmap.ways import long_run
+from maipp.roadmap.collision import collision_free_share
+from maipp.roadmap.shortest_paths import longest_free_leg
 from maipp.roadmap.zones import Zones
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Extent, Float, Int, Key, Point, Real
@@ -68,7 +68,7 @@ def grow_tree(
         assert zones is not None
         near, end = jax.vmap(partial(edge, i, position))(samples[i])
         start = position[near]
-        share = free_share(zones.borders, start, end)
+        share = collision_free_share(zones.borders, start, end)
         run = share * jnp.sqrt(jnp.sum((end - start) ** 2, axis=-1))
         best = jnp.argmax(jnp.where(share >= 1.0, branch, 0.99 * run))
         return near[best], jnp.where(share[best] < 1.0, start[best] + share[best] * (end - start)[best], end[best])
@@ -129,7 +129,7 @@ def better_path(
     far = jnp.isfinite(transit.distance) & (transit.distance >= execute)
     points, _ = along_paths(here, transit.path[None], offsets)
     away = first_part(here, transit.path, execute)[: len(planned.waypoints)]
-    end = long_run(zones, here, jnp.asarray(execute, here.dtype), extent)
+    end = longest_free_leg(zones, here, jnp.asarray(execute, here.dtype), extent)
     leave = far & (transit.rate > rate)
     waypoints = jnp.where(leave, away, planned.waypoints)
     marks = jnp.where(leave, points[0], planned.marks)

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from maipp.roadmap.free_run import cut, is_free
+from maipp.roadmap.collision import cut, is_collision_free
 from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Extent, Float
 
@@ -116,7 +116,11 @@ def bend(
     outside = jnp.sum(jnp.abs(corners - jnp.clip(corners, 0.0, size)), axis=-1)
     offset = jnp.sum((corners - 0.5 * size) ** 2, axis=-1)
     if zones is not None:
-        allowed = (outside == 0) & is_free(zones.borders, start, corners) & is_free(zones.borders, end, corners)
+        allowed = (
+            (outside == 0)
+            & is_collision_free(zones.borders, start, corners)
+            & is_collision_free(zones.borders, end, corners)
+        )
         return jnp.where(allowed.any(), corners[jnp.argmin(jnp.where(allowed, offset, jnp.inf))], end)
     best = jnp.argmin(jnp.where(outside > 0, 1e3 * (1.0 + outside), 0.0) + offset)
     return jnp.clip(corners[best], 0.0, size)

@@ -5,8 +5,9 @@ from jax import lax
 
 from maipp.engine.decision import Observation
 from maipp.planners.announced.meeting import Rendezvous, in_time
-from maipp.planners.roadmap.ways import lengths_from, lengths_to
+from maipp.planners.roadmap.path_lengths import lengths_from, lengths_to
 from maipp.problem import ScenarioLike
+from maipp.renamed import renamed
 from maipp.roadmap import Edges, Roadmap, edges_from, nearest_node
 from maipp.typing import Array, Bool, Float, Index
 
@@ -40,7 +41,7 @@ def edges(
     return here._replace(allowed=in_time(meeting, start, here.targets, here.allowed, remaining))
 
 
-def edges_here(scenario: ScenarioLike, observation: Observation, meeting: Rendezvous | None = None) -> Edges:
+def feasible_edges(scenario: ScenarioLike, observation: Observation, meeting: Rendezvous | None = None) -> Edges:
     """The edges the due agent may take; see `edges`.
 
     Among no-go zones, an agent that stays around a place has but one: the first of the shortest way to the
@@ -77,3 +78,6 @@ def _leading_on(scenario: ScenarioLike, observation: Observation, here: Edges) -
     onward = jnp.where(allowed, onward, jnp.inf)
     lead = stays & jnp.isfinite(jnp.min(goal_length)) & jnp.isfinite(onward).any()
     return jnp.where(lead, jnp.arange(allowed.shape[0]) == jnp.argmin(onward), allowed)
+
+
+renamed(__name__, edges_here="feasible_edges")

@@ -10,7 +10,7 @@ from maipp.planners.plane.transit import best_transit
 from maipp.planners.search.first_leg import FirstLeg, either, length
 from maipp.planners.search.objective import Objective
 from maipp.planners.search.outlook import Ahead, Outlook
-from maipp.roadmap.ways import long_run
+from maipp.roadmap.shortest_paths import longest_free_leg
 from maipp.roadmap.zones import Zones
 from maipp.typing import Array, Bool, Float
 
@@ -56,7 +56,7 @@ def better_leg(
     leg = either(far & in_time & (transit.rate > rate), away, leg)
 
     # Walls on all sides can leave a plan hardly any way: better somewhere than nowhere.
-    end = long_run(zones, position, steps[0], objective.scenario.extent)
+    end = longest_free_leg(zones, position, steps[0], objective.scenario.extent)
     run = FirstLeg(jnp.stack([end, end]), jnp.broadcast_to(end, leg.points.shape), jnp.zeros_like(leg.plan))
     run = either(far, away, run)
     short = length(position, leg.way) < _SHORT * jnp.minimum(steps[0], observation.remaining)

@@ -17,7 +17,7 @@ from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Key
 
 
-class _Team(NamedTuple):
+class _TeamStarts(NamedTuple):
     """Where everybody starts its next free leg, as the due agent knows it."""
 
     base: Float[Array, "m 2"]  # there
@@ -73,14 +73,14 @@ def plan_team(
         return search.objective.expected(then.mean, then.variance, known, inside, prospect)
 
     slope = jax.grad(lambda plans: after(coarse, coarse_inside, coarse_known, coarse_prospect, plans))
-    refined = descend(slope, begin(plans), search.steps, search.rate / 2).plans
+    refined = descend(slope, begin(plans), search.gradient_steps, search.rate / 2).plans
     better = after(belief, inside, known, prospect, refined) < after(belief, inside, known, prospect, plans)
     return jnp.where(better, refined, plans)[observation.agent]
 
 
 def _gather(
     search: PlanSearch, observation: Observation, last: Float[Array, "h 2"], ahead: Ahead
-) -> tuple[_Team, Belief]:
+) -> tuple[_TeamStarts, Belief]:
     """The team as the due agent knows it, and its belief with the legs under way counted as measured."""
     plans: TeamPlan = observation.messages
     agents, interval = search.scenario.agents, search.scenario.measurement_interval
@@ -102,7 +102,7 @@ def _gather(
     # An agent continues along the legs it announced, as far as they go.
     announced = jnp.diff(plans.legs.points, axis=1) / interval
     on = announced[:, -1:] if search.legs > 1 else jnp.zeros((agents, 1, 2))
-    return _Team(
+    return _TeamStarts(
         base=base,
         steps=jnp.where(me[:, None], ahead.steps, others_steps),
         affordable=jnp.where(me[:, None], ahead.affordable, within & observation.heard[:, None]),

@@ -11,12 +11,12 @@ from maipp.engine.decision import Observation
 from maipp.engine.options import option
 from maipp.errors import InputError
 from maipp.foresight import Foresight, ForesightName
+from maipp.planners.announced.announced_measurements import latest
 from maipp.planners.announced.announcement import Announcement, nothing_announced, with_announced
 from maipp.planners.announced.meeting import appointment, lateness
-from maipp.planners.announced.told import latest
 from maipp.planners.lookahead import measurement_offsets
+from maipp.planners.plane.planner_zones import planner_zones
 from maipp.planners.plane.walks import bend, walk, walk_bent
-from maipp.planners.plane.zones import planner_zones
 from maipp.planners.search.detour import better_leg
 from maipp.planners.search.first_leg import FirstLeg, depart
 from maipp.planners.search.objective import Objective
@@ -35,6 +35,10 @@ _LATE = 50.0
 # all, and each agent at least so many (docs/evidence/planning.md has the measurements behind this and the next).
 _SMALL_TEAM, _FAR = 4, 8
 _TEAM_LEGS, _FEWEST = 20, 2
+
+# Where it is not said otherwise, a search takes so many gradient steps for each leg, and at least so many
+# (docs/evidence/planning.md has the measurements behind this too).
+_STEPS_PER_LEG, _FEWEST_STEPS = 2.5, 8
 
 # More agents than this plan twice on the way of each leg, and fewer missions of them are stepped together.
 _FEW = 5
@@ -62,8 +66,8 @@ class PlanSearch(eqx.Module):
     horizon: int | None = option(None, meaning="legs planned; None: by the number of agents")
     decisions: int | None = option(None, meaning="times that the agent plans per leg; None: by the number of agents")
     candidates: int = option(64, meaning="random plans scored")
-    elites: int = option(8, meaning="best of them, refined by gradient")
-    steps: int = option(24, meaning="gradient steps")
+    elites: int = option(6, meaning="best of them, refined by gradient")
+    steps: int | None = option(None, meaning="gradient steps; None: by the number of legs")
     survivors: int = option(2, meaning="best of these after half of the steps, refined to the end")
     rate: float = option(0.2, meaning="first gradient step, radians or legs")
     spread: float | None = option(None, meaning="trust in the spread of values not yet measured")
@@ -85,9 +89,11 @@ class PlanSearch(eqx.Module):
             raise InputError(f"horizon={self.horizon}: give a whole number >= 1, or none")
         if self.decisions is not None and not 1 <= self.decisions <= _MOST_DECISIONS:
             raise InputError(f"decisions={self.decisions}: give a whole number from 1 to {_MOST_DECISIONS}, or none")
-        for name in ("candidates", "elites", "steps", "points"):
+        for name in ("candidates", "elites", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
+        if self.steps is not None and self.steps < 1:
+            raise InputError(f"steps={self.steps}: give a whole number >= 1, or none")
         if self.elites > self.candidates:
             raise InputError(f"elites={self.elites} is more than candidates={self.candidates}; give at most as many")
         if not self.rate > 0 or not self.blur > 0:
@@ -106,6 +112,11 @@ class PlanSearch(eqx.Module):
         if self.scenario.agents <= _SMALL_TEAM:
             return _FAR
         return max(_TEAM_LEGS // self.scenario.agents, _FEWEST)
+
+    @property
+    def gradient_steps(self) -> int:
+        """Of a search: `steps`; left out, the more the more legs there are."""
+        return self.steps if self.steps is not None else max(round(_STEPS_PER_LEG * self.legs), _FEWEST_STEPS)
 
     @property
     def decisions_per_leg(self) -> int:
@@ -199,7 +210,7 @@ class PlanSearch(eqx.Module):
             score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
             rough=lambda plans: value(*rough, rough_prospect, plans),
             final=lambda plans: value(belief, inside, known, prospect, plans),
-            options=SearchOptions(self.candidates, self.elites, self.steps, self.rate, self.survivors),
+            options=SearchOptions(self.candidates, self.elites, self.gradient_steps, self.rate, self.survivors),
             proposals=proposals,
         )
 

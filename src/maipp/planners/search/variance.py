@@ -28,7 +28,7 @@ def variance_left(belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Arr
     return _forward(belief, points, taken)[0]
 
 
-class _Kept(NamedTuple):
+class _Residuals(NamedTuple):
     """What the way back needs."""
 
     belief: Belief
@@ -41,7 +41,7 @@ class _Kept(NamedTuple):
 
 def _forward(
     belief: Belief, points: Float[Array, "c h 2"], taken: Bool[Array, "c h"]
-) -> tuple[Float[Array, "c q"], _Kept]:
+) -> tuple[Float[Array, "c q"], _Residuals]:
     # Covariance and slope have the same exponential, which is as dear as a product of matrices.
     kernel, distance = belief.kernel, belief.kernel.distance(points[:, :, None, :], belief.query)
     virtual = virtual_measurements(belief, points, taken, kernel.correlation(distance, kernel.variance))
@@ -49,10 +49,10 @@ def _forward(
     # The transpose made first: as part of the product it takes three times as long on a CPU.
     transposed = lax.optimization_barrier(jnp.swapaxes(virtual.inverse_factor, 1, 2))
     solved = transposed @ virtual.rows
-    return jnp.maximum(left, 0.0), _Kept(belief, points, virtual.whitened, solved, left, kernel.fall(distance))
+    return jnp.maximum(left, 0.0), _Residuals(belief, points, virtual.whitened, solved, left, kernel.fall(distance))
 
 
-def _backward(kept: _Kept, slope: Float[Array, "c q"]) -> tuple[None, Float[Array, "c h 2"], None]:
+def _backward(kept: _Residuals, slope: Float[Array, "c q"]) -> tuple[None, Float[Array, "c h 2"], None]:
     belief, points, whitened, solved, left, fall = kept
     weighted = jnp.where(left > 0, slope, 0.0)[:, None] * solved
     residual = -2.0 * belief.effect(weighted)  # slopes in R, in C, in W and in k(P, X)

@@ -57,20 +57,20 @@ class Routes(NamedTuple):
     length_scale: Float[Array | np.ndarray, " r"]  # of the beliefs that planned them, domain units
 
 
-class _Part(NamedTuple):
+class _BankPart(NamedTuple):
     planner: str
     agents: int
     layout: int
     surveys: int
 
 
-def parts(config: ForesightConfig) -> list[_Part]:
+def parts(config: ForesightConfig) -> list[_BankPart]:
     """What the bank is made of."""
     room = {size: min(size, config.team[1]) for size in (_SMALL, _LARGE)}
     shares = [row for row in _SHARES if row[0] in config.planners and (row[1] == _SMALL or config.team[1] > _SMALL)]
     whole = sum(share for *_, share in shares)
     free = [
-        _Part(name, room[size], 0, math.ceil(config.surveys * (1.0 - config.zoned) * share / whole))
+        _BankPart(name, room[size], 0, math.ceil(config.surveys * (1.0 - config.zoned) * share / whole))
         for name, size, share in shares
     ]
     # To plan among zones takes long to compile, and routes that bend around them are much alike.
@@ -79,7 +79,7 @@ def parts(config: ForesightConfig) -> list[_Part]:
         for layout in range(1, len(_LAYOUTS) + 1)
     ]
     each = math.ceil(config.surveys * config.zoned / len(_LAYOUTS))
-    zoned = [_Part(name, room[_SMALL], layout, each) for layout, name in enumerate(among, 1)]
+    zoned = [_BankPart(name, room[_SMALL], layout, each) for layout, name in enumerate(among, 1)]
     return free + (zoned if config.zoned else [])
 
 
@@ -108,7 +108,7 @@ def make_bank(
     return Routes(*(np.concatenate(arrays) for arrays in zip(*rows, strict=True)))
 
 
-def _simulated(config: ForesightConfig, number: int, part: _Part) -> Routes:
+def _simulated(config: ForesightConfig, number: int, part: _BankPart) -> Routes:
     """The routes of one part: worlds whose numbers are drawn, surveyed by its planner."""
     rng = np.random.default_rng([config.seed, number])
     scenario = Scenario.create(

@@ -13,7 +13,7 @@ from maipp.foresight.model import GROUPS, FieldModel, group_of
 from maipp.training.foresight.bank import Routes
 from maipp.training.foresight.config import ForesightConfig
 from maipp.training.foresight.losses import Scores, foretold, loss_of, scores
-from maipp.training.foresight.samples import Kinds, Sample, draw_batch
+from maipp.training.foresight.samples import FittedFamilies, ForesightExample, draw_batch
 from maipp.typing import Array, Float
 
 # Worlds of evaluations along the way, and of the calibration at the end; training has `config.seed`.
@@ -36,7 +36,9 @@ _ENOUGH = 30
 _TAIL, _MARGIN = 5e-4, 0.1
 
 
-def samples_of(config: ForesightConfig, routes: Routes, kinds: Kinds, seed: int, count: int) -> Iterator[list[Sample]]:
+def samples_of(
+    config: ForesightConfig, routes: Routes, kinds: FittedFamilies, seed: int, count: int
+) -> Iterator[list[ForesightExample]]:
     """At least `count` samples in batches."""
     draw = jax.jit(lambda key: draw_batch(config, routes, kinds, key, _BATCH))
     for number in range(-(-count // _BATCH)):
@@ -54,8 +56,8 @@ class _Judged(NamedTuple):
 
 
 @eqx.filter_jit
-def _judged(model: FieldModel, batch: Sample) -> _Judged:
-    def one(sample: Sample) -> _Judged:
+def _judged(model: FieldModel, batch: ForesightExample) -> _Judged:
+    def one(sample: ForesightExample) -> _Judged:
         learned, fitted, belief = (
             scores(law, sample) for law in (foretold(model, sample), sample.fitted, sample.belief)
         )
@@ -64,7 +66,7 @@ def _judged(model: FieldModel, batch: Sample) -> _Judged:
     return jax.vmap(one)(batch)
 
 
-def evaluation(model: FieldModel, batches: list[list[Sample]], config: ForesightConfig) -> dict[str, float]:
+def evaluation(model: FieldModel, batches: list[list[ForesightExample]], config: ForesightConfig) -> dict[str, float]:
     """Loss, and mean scores of the model and of what it corrects; `usual_...` those of the default scenario alone."""
     rows = [_judged(model, part) for batch in batches for part in batch]
     all_rows = jax.tree.map(lambda *arrays: np.concatenate([np.asarray(a) for a in arrays]), *rows)
@@ -82,14 +84,14 @@ def evaluation(model: FieldModel, batches: list[list[Sample]], config: Foresight
     return values
 
 
-def calibrated(model: FieldModel, batches: Iterator[list[Sample]]) -> FieldModel:
+def calibrated(model: FieldModel, batches: Iterator[list[ForesightExample]]) -> FieldModel:
     """The model with deviations as wide as its errors by measurement counts, and with the range of what it was told.
 
     As wide as in samples of the default scenario, where there are enough of them.
     """
 
     @jax.jit
-    def row(part: Sample) -> tuple[Array, Array, Array, Array]:
+    def row(part: ForesightExample) -> tuple[Array, Array, Array, Array]:
         laws: Law = jax.vmap(lambda sample: foretold(model, sample))(part)
         return jnp.abs(part.truth - laws.mean) / laws.deviation, part.numbers, part.count, part.usual
 

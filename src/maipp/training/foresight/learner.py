@@ -12,7 +12,7 @@ from maipp.foresight.network import FieldNetwork
 from maipp.training.foresight.bank import Routes
 from maipp.training.foresight.config import ForesightConfig
 from maipp.training.foresight.losses import Scores, batch_loss
-from maipp.training.foresight.samples import Kinds, Sample, draw_batch, kinds
+from maipp.training.foresight.samples import FittedFamilies, ForesightExample, draw_batch, kinds
 from maipp.typing import Array, Int
 
 # Part of the run in which the rate rises, and what it falls to.
@@ -59,12 +59,14 @@ class ForesightLearner:
         metrics["learning_rate"] = rows[-1]["learning_rate"]
         return eqx.tree_at(lambda s: s.updates, state, state.updates + 1), metrics
 
-    def _draws(self, number: Int[Array, ""], routes: Routes, kinds: Kinds) -> list[Sample]:
+    def _draws(self, number: Int[Array, ""], routes: Routes, kinds: FittedFamilies) -> list[ForesightExample]:
         """The batch of a gradient step."""
         key = jax.random.fold_in(jax.random.fold_in(jax.random.key(self.config.seed), 1), number)
         return draw_batch(self.config, routes, kinds, key, self.config.batch)
 
-    def _steps(self, state: FitState, batch: list[Sample], number: Int[Array, ""]) -> tuple[FitState, dict[str, Array]]:
+    def _steps(
+        self, state: FitState, batch: list[ForesightExample], number: Int[Array, ""]
+    ) -> tuple[FitState, dict[str, Array]]:
         """One gradient step."""
         config, model = self.config, state.model
         trained: Any = model.network

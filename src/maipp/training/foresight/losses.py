@@ -9,7 +9,7 @@ from jax.scipy.special import log_ndtr
 from maipp.foresight.law import Law
 from maipp.foresight.model import FieldModel
 from maipp.training.foresight.config import ForesightConfig
-from maipp.training.foresight.samples import Sample, interpolated
+from maipp.training.foresight.samples import ForesightExample, interpolated
 from maipp.typing import Array, Float
 
 # Deviation below which nobody asks how sure the foresight is, field units: fields lie between 0 and 1.
@@ -25,7 +25,7 @@ class Scores(NamedTuple):
     relative: Float[Array, "*b"]  # the same, in units of the fitted foresight's variance
 
 
-def scores(law: Law, sample: Sample) -> Scores:
+def scores(law: Law, sample: ForesightExample) -> Scores:
     """Of one sample without batch axes."""
     deviation = jnp.sqrt(law.deviation**2 + _LEAST**2)
     off = (sample.truth - law.mean) / deviation
@@ -41,7 +41,7 @@ def scores(law: Law, sample: Sample) -> Scores:
     return Scores(jnp.mean(nll), jnp.mean(weight * area), squared, relative)
 
 
-def foretold(model: FieldModel, sample: Sample) -> Law:
+def foretold(model: FieldModel, sample: ForesightExample) -> Law:
     """The law that the model's network gives for one sample, neither widened nor doubted."""
     return interpolated(*model.network(sample.maps, sample.numbers), sample)
 
@@ -51,7 +51,9 @@ def loss_of(scores: Any, config: ForesightConfig) -> Any:
     return scores.nll + config.area * scores.area + config.squared * scores.relative
 
 
-def batch_loss(model: FieldModel, batch: list[Sample], config: ForesightConfig) -> tuple[Float[Array, ""], Scores]:
+def batch_loss(
+    model: FieldModel, batch: list[ForesightExample], config: ForesightConfig
+) -> tuple[Float[Array, ""], Scores]:
     """The mean loss of a batch, and its scores."""
     parts = [jax.vmap(lambda sample: scores(foretold(model, sample), sample))(part) for part in batch]
     means = Scores(*(jnp.mean(jnp.concatenate(rows)) for rows in zip(*parts, strict=True)))

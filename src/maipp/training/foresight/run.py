@@ -23,10 +23,10 @@ from maipp.training.foresight.calibration import (
 )
 from maipp.training.foresight.config import ForesightConfig
 from maipp.training.foresight.learner import FitState, ForesightLearner
-from maipp.training.journal import Journal
-from maipp.training.run_folder import CHECKPOINTS, Record, claim
+from maipp.training.run_folder import CHECKPOINTS, RunProgress, claim
 from maipp.training.signals import StopRequest
 from maipp.training.train import DivergedError
+from maipp.training.training_log import TrainingLog
 
 
 class FitStep(NamedTuple):
@@ -42,7 +42,7 @@ class FitStep(NamedTuple):
 class FitResult(NamedTuple):
     """How a run ended."""
 
-    record: Record
+    record: RunProgress
     interrupted: bool
 
 
@@ -68,7 +68,7 @@ def train_foresight(
     with StopRequest() as stop:
         routes = make_bank(config, out, tell, lambda: stop.requested)
         if routes is None:
-            return FitResult(Record(wall_s=time.monotonic() - began), True)
+            return FitResult(RunProgress(wall_s=time.monotonic() - began), True)
         learner = learner or ForesightLearner(config, routes)
         return _Life(config, out, learner, dict(about or {}), progress, began).run(stop)
 
@@ -87,18 +87,18 @@ class _Life:
     ) -> None:
         self.config, self.out, self.learner, self.about, self.progress = config, out, learner, about, progress
         self.state: FitState = learner.initial()
-        self.record = Record()
+        self.record = RunProgress()
         self.began = began
         found = load_latest(out / CHECKPOINTS, jax.device_get(self.state))
         if found is not None:
-            self.state, self.record = jax.tree.map(jax.numpy.asarray, found[0]), Record.from_card(found[1])
+            self.state, self.record = jax.tree.map(jax.numpy.asarray, found[0]), RunProgress.from_card(found[1])
         self.earlier_s, self.saved_at = self.record.wall_s, time.monotonic()
         drawn = samples_of(config, learner.routes, learner.kinds, VALIDATION_SEED, config.validation)
         self.validation = jax.device_get(list(drawn))
 
     def run(self, stop: StopRequest) -> FitResult:
         """Train until done or asked to stop."""
-        journal = Journal(self.out, updates=self.record.update, evaluated=self.record.evaluated)
+        journal = TrainingLog(self.out, updates=self.record.update, evaluated=self.record.evaluated)
         try:
             while True:
                 done = self.record.update
@@ -120,7 +120,7 @@ class _Life:
     def _over(self) -> bool:
         return self.record.update == self.config.updates
 
-    def _update(self, journal: Journal) -> None:
+    def _update(self, journal: TrainingLog) -> None:
         """One update, checked and logged."""
         self.state, metrics = self.learner.update(self.state)
         values = {name: float(value) for name, value in jax.device_get(metrics).items()}
@@ -135,7 +135,7 @@ class _Life:
         journal.write({"update": update, "samples": samples, "wall_s": round(self.record.wall_s, 3), **values})
         self.progress(FitStep(update, self.config.updates, self.record.wall_s, values))
 
-    def _evaluate(self, journal: Journal) -> None:
+    def _evaluate(self, journal: TrainingLog) -> None:
         """Score the mean weights on the validation samples."""
         values = evaluation(self.state.average, self.validation, self.config)
         values = {name: round(value, 5) for name, value in values.items()}

@@ -38,14 +38,14 @@ _FEW = 40
 _PARTLY = 0.15
 
 
-class Kinds(NamedTuple):
+class FittedFamilies(NamedTuple):
     """The families of bumps, and the fitted process of each (leading axis f)."""
 
     families: Families
     bumps: Bumps
 
 
-class Sample(NamedTuple):
+class ForesightExample(NamedTuple):
     """What a network is told, and what it should have said, at q points that are no points of the lattice."""
 
     maps: Float[Array, "*b h w c"]
@@ -60,14 +60,16 @@ class Sample(NamedTuple):
     usual: Array  # whether kind of field and numbers are the default scenario's
 
 
-def kinds(config: ForesightConfig) -> Kinds:
+def kinds(config: ForesightConfig) -> FittedFamilies:
     """The families that the configuration draws from, and what is fitted to each; it takes a second or two."""
     scenarios = family_scenarios()[: 1 if config.benchmark == 1.0 else None]
     bumps = [bumps_of(each) for each in scenarios]
-    return Kinds(families_of(scenarios), jax.tree.map(lambda *rows: jnp.stack(rows), *bumps))
+    return FittedFamilies(families_of(scenarios), jax.tree.map(lambda *rows: jnp.stack(rows), *bumps))
 
 
-def draw_batch(config: ForesightConfig, routes: Routes, kinds: Kinds, key: Key, size: int) -> list[Sample]:
+def draw_batch(
+    config: ForesightConfig, routes: Routes, kinds: FittedFamilies, key: Key, size: int
+) -> list[ForesightExample]:
     """A batch in parts, each of samples of one size: bumps with few and with many measurements, and processes."""
     processes = round(size * config.processes)
     few = (size - processes) // 2 if config.slots > _FEW else 0
@@ -81,7 +83,9 @@ def draw_batch(config: ForesightConfig, routes: Routes, kinds: Kinds, key: Key, 
     return batch
 
 
-def _sample(config: ForesightConfig, routes: Routes, kinds: Kinds, slots: int, process: bool, key: Key) -> Sample:
+def _sample(
+    config: ForesightConfig, routes: Routes, kinds: FittedFamilies, slots: int, process: bool, key: Key
+) -> ForesightExample:
     keys = iter(jax.random.split(key, 16))
     default = Scenario()
     usual = jnp.asarray(False) if process else jax.random.bernoulli(next(keys), config.benchmark)
@@ -117,7 +121,7 @@ def _sample(config: ForesightConfig, routes: Routes, kinds: Kinds, slots: int, p
     factor = bumps.factored(belief, extent)
     maps, numbers = told(Rules(threshold, length_scale, jnp.ones(()), extent), bumps, belief, CELLS, factor)
     fitted = averaged(bumps.given(belief, extent, CELLS, factor), own_kernel(belief), ODDS)
-    return Sample(
+    return ForesightExample(
         maps,
         numbers,
         jnp.sum(mask),
@@ -147,7 +151,7 @@ def _places(key: Key, cells: int) -> Float[Array, "2 c"]:
     return (jnp.arange(cells) + jax.random.uniform(key, (2, cells))) / cells
 
 
-def interpolated(shift: Float[Array, "h w"], stretch: Float[Array, "h w"], sample: Sample) -> Law:
+def interpolated(shift: Float[Array, "h w"], stretch: Float[Array, "h w"], sample: ForesightExample) -> Law:
     """The law of a sample (without batch axes), corrected by these."""
     at = [between(each, sample.points, sample.extent) for each in (shift, stretch)]
     return Law(sample.fitted.mean + sample.fitted.deviation * at[0], sample.fitted.deviation * jnp.exp(at[1]))

@@ -26,6 +26,21 @@ if (data.truth)
       heat(pictures.truth(0), limits.value, data.colours.value, "true"), outline(pictures.true_surplus(0), TRUE_OUTLINE),
     ],
   });
+if (data.foreseen)
+  maps.push(
+    {
+      id: "foreseen", title: `Foreseen ${data.value.name} (${data.foreseen.name}), at the end`, colours: data.colours.value,
+      limits: limits.value, mark: true, about: "line: the threshold",
+      fields: () => [
+        heat(pictures.foreseen(0), limits.value, data.colours.value, "foreseen"), outline(pictures.foreseen_surplus(0), OUTLINE),
+      ],
+    },
+    {
+      id: "foreseen-std", title: `Standard deviation (${data.foreseen.name}), at the end`, colours: data.colours.std,
+      limits: data.foreseen.std_limits,
+      fields: () => [heat(pictures.foreseen_std(0), data.foreseen.std_limits, data.colours.std, "standard deviation")],
+    },
+  );
 
 function axis(title, low, high) {
   return {
@@ -81,7 +96,7 @@ function colourBar(map) {
     mark.style.left = at(threshold);
     ramp.append(mark);
   }
-  const name = map.id === "std" ? `standard deviation of ${data.value.name}` : data.value.name;
+  const name = map.id.endsWith("std") ? `standard deviation of ${data.value.name}` : data.value.name;
   const label = withUnit(name, data.value.unit && `(${data.value.unit})`);
   const mark = marked ? `; black mark: threshold ${withUnit(setting(threshold), data.value.unit)}` : "";
   const about = map.about ? `; ${map.about}` : "";

@@ -17,6 +17,9 @@ const pictures = {
   surplus: unpack(data.frames.surplus),
   truth: data.truth && unpack(data.truth),
   true_surplus: data.true_surplus && unpack(data.true_surplus),
+  foreseen: data.foreseen && unpack(data.foreseen.mean),
+  foreseen_surplus: data.foreseen && unpack(data.foreseen.surplus),
+  foreseen_std: data.foreseen && unpack(data.foreseen.std),
 };
 
 const [west, south, east, north] = data.axes.shown;
