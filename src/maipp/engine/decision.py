@@ -51,6 +51,7 @@ class Observation(AgentView):
     belief: Belief  # its own belief, predicted on the evaluation grid
     inside: Bool[Array, " q"]  # grid points of the survey area
     roadmap: Roadmap | None  # the agent's own roadmap
+    at_nodes: Belief | None  # its own belief, predicted at the nodes of that roadmap
     home: Home | None = None  # where it is to end; None: anywhere
 
 

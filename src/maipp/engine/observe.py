@@ -13,6 +13,7 @@ from maipp.engine.mission import Mission
 from maipp.engine.rows import pick, put
 from maipp.engine.state import State, known_by, positions
 from maipp.renamed import renamed
+from maipp.roadmap import Roadmap
 from maipp.scenario import DISTANCE_TOLERANCE
 from maipp.typing import Array, Bool, Float, Index, Point, Real
 
@@ -112,6 +113,22 @@ def belief_near(mission: Mission, known: Measurements, query: Float[Array, "q 2"
     )
 
 
+def _beliefs(
+    mission: Mission, known: Measurements, roadmap: Roadmap | None, place: Point
+) -> tuple[Belief, Belief | None]:
+    """What these measurements give on the evaluation grid, and at the nodes of a roadmap if there is one."""
+    if roadmap is None:
+        return belief_near(mission, known, mission.grid, place), None
+    nodes = jnp.asarray(roadmap.nodes)
+    if known.x.shape[0] <= mission.shape.belief_capacity:
+        belief = belief_near(mission, known, mission.grid, place)
+        return belief, belief.on(nodes)
+    # Together: the tiles that serve the grid take a few more points each, and others for the nodes as long again.
+    both = belief_near(mission, known, jnp.concatenate([mission.grid, nodes]), place)
+    points = mission.grid.shape[0]
+    return both.at(jnp.arange(points)), both.at(points + jnp.arange(nodes.shape[0]))
+
+
 def observe(mission: Mission, known: Knowledge) -> Observation:
     """What an agent observes that knows this. Parts a planner does not read are never computed (dead code in XLA)."""
     all_known = with_prior(mission, known.measurement_x, known.measurement_y, known.known)
@@ -127,13 +144,16 @@ def observe(mission: Mission, known: Knowledge) -> Observation:
         "measured_by": by,
         "known": all_known.mask,
     }
+    roadmap = jax.tree.map(lambda a: a[known.agent], mission.roadmap)
+    belief, at_nodes = _beliefs(mission, all_known, roadmap, known.position)
     return Observation(
         **{each.name: getattr(known, each.name) for each in dataclasses.fields(AgentView)} | slots,
         remaining=known.budget - pick(mission.params.reserves, known.agent) - known.odometer,
         to_next_measurement=known.next_measurement - known.odometer,
-        belief=belief_near(mission, all_known, mission.grid, known.position),
+        belief=belief,
         inside=mission.inside,
-        roadmap=jax.tree.map(lambda a: a[known.agent], mission.roadmap),
+        roadmap=roadmap,
+        at_nodes=at_nodes,
         home=mission.home_of(known.agent),
     )
 

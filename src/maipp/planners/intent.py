@@ -113,7 +113,7 @@ class IntentPlanner(Planner):
         heard = observation.heard & self.listen
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         intent = fuse_intents(observation.messages, heard, nodes)
-        situation = self.sampler.agent_state(observation, observation.belief, intent)
+        situation = self.sampler.agent_state(observation, observation.at_nodes, intent)
         insight = self.sampler.look(situation, memory.trajectory)
         path_key, choice_key = jax.random.split(key)
         paths = self.sampler.sample(

@@ -77,7 +77,7 @@ class IntentSearch(Planner):
         ahead = search.ahead(observation)
         belief, heard = search.counted(observation, memory.legs.heard)
 
-        situation = sampler.agent_state(observation, observation.belief, self._map(observation, heard))
+        situation = sampler.agent_state(observation, observation.at_nodes, self._map(observation, heard))
         insight = sampler.look(situation, memory.trajectory)
         paths = sampler.sample(path_key, situation, insight, paths=self.paths, steps=self.nodes, distinct=self.distinct)
         outlook, proposals = search.outlook(observation, belief, ahead), self._proposals(situation, paths, ahead)

@@ -45,7 +45,7 @@ class SgaCatnipp(Planner):
         """The decision, and what a trainer needs to know of it."""
         nodes = jnp.asarray(roadmap_of(observation).nodes)
         nobody = jnp.zeros(nodes.shape[0], nodes.dtype)
-        situation = self.sampler.agent_state(observation, self.counted(observation), nobody)
+        situation = self.sampler.agent_state(observation, self.counted(observation).on(nodes), nobody)
         insight = self.sampler.look(situation, memory)
         index = self.sampler.choose(key, insight, sampled=self.choose == "sample")
         target = nodes[insight.view.neighbours[index]]

@@ -46,9 +46,33 @@ def observation(planner):
     return eqx.filter_jit(observe)(mission, knowledge(mission, state, jnp.int32(0), jnp.zeros(1, bool)))
 
 
+def test_of_a_survey_beyond_the_capacity_the_nodes_are_predicted_with_the_grid(tiny):
+    """Other tiles than the nodes by themselves would have, as near to the exact belief as these."""
+    scenario = SCENARIO.replace(belief_capacity=8, budget=4.0)
+    planner = SgaCatnipp.of(scenario, network=tiny)
+    mission = jax.tree.map(lambda a: a[0], draw_missions(scenario, seed=2, instances=1, encodings=4))
+    state = reset(planner, mission)
+    rng = np.random.default_rng(0)
+    x = jnp.asarray(rng.random(state.measurement_x.shape), jnp.float32)
+    state = eqx.tree_at(
+        lambda s: (s.measurement_x, s.measurement_y, s.measurement_time, s.known_until),
+        state,
+        (x, jnp.sin(6 * x[..., 0]), jnp.zeros_like(state.measurement_time), jnp.zeros_like(state.known_until)),
+    )
+    assert state.measurement_time.size > scenario.belief_capacity
+    seen = eqx.filter_jit(observe)(mission, knowledge(mission, state, jnp.int32(0), jnp.zeros(1, bool)))
+    nodes = seen.roadmap.nodes
+    alone = eqx.filter_jit(lambda belief, points: belief.on(points))(seen.belief, nodes)
+    assert seen.belief.query.shape == mission.grid.shape
+    np.testing.assert_array_equal(seen.at_nodes.query, nodes)
+    # So few measurements are all in every tile: both are exact but for rounding.
+    np.testing.assert_allclose(seen.at_nodes.mean, alone.mean, atol=2e-3)
+    np.testing.assert_allclose(seen.at_nodes.variance, alone.variance, atol=1e-4)
+
+
 @eqx.filter_jit
 def look(planner, observation, belief, intent):
-    situation = planner.sampler.agent_state(observation, belief, intent)
+    situation = planner.sampler.agent_state(observation, belief.on(observation.roadmap.nodes), intent)
     return situation, planner.sampler.look(situation, planner.initial_memory())
 
 

@@ -190,7 +190,7 @@ def test_paths_measure_where_the_engine_does(tiny, last_leg):
         first = Scripted(scenario, jnp.broadcast_to(roadmap.nodes[roadmap.neighbours[0, edge]], (STEPS, 2)))
         state = go(first, reset(first, mission))
         observation = eqx.filter_jit(observe)(mission, knowledge(mission, state, agent, heard))
-        situation = planner.sampler.agent_state(observation, observation.belief, jnp.zeros(scenario.nodes))
+        situation = planner.sampler.agent_state(observation, observation.at_nodes, jnp.zeros(scenario.nodes))
         assert int(situation.here.node) == int(roadmap.neighbours[0, edge])
         paths, points, taken = sample(planner, situation, jax.random.key(edge))
         for nodes, length, spots, lives in zip(paths.nodes, paths.length, points, taken, strict=True):

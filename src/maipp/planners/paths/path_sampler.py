@@ -92,13 +92,18 @@ class PathSampler(eqx.Module):
         """8: on 128 missions at B = 3 `sga-catnipp` took 1.5 times as long with 32, `di` 1.2 times."""
         return 8
 
-    def agent_state(self, observation: Observation, belief: Belief, intent: Vector) -> AgentState:
-        """Where the due agent is on its roadmap; `belief` may count what others announced, `intent` is their map."""
+    def agent_state(self, observation: Observation, nodes: Belief | None, intent: Vector) -> AgentState:
+        """Where the due agent is on its roadmap.
+
+        `nodes` is a belief at its nodes (`Observation.at_nodes`, or one that counts what others announced), `intent`
+        the others' map. Raises ValueError where the mission was drawn without roadmaps.
+        """
         roadmap = roadmap_of(observation)
+        assert nodes is not None  # there is a roadmap
         meeting = appointment(self.scenario, observation, meet=self.meet)
         return AgentState(
             roadmap=roadmap,
-            nodes=belief.on(jnp.asarray(roadmap.nodes)),
+            nodes=nodes,
             here=feasible_edges(self.scenario, observation, meeting),
             position=observation.position,
             remaining=observation.remaining,
@@ -110,7 +115,8 @@ class PathSampler(eqx.Module):
     def situation(self, observation: Observation, belief: Belief, intent: Vector) -> AgentState:
         """The old name of `agent_state`, for one release."""
         warnings.warn("situation is now agent_state; the next release knows the new name only", DeprecationWarning, 2)
-        return self.agent_state(observation, belief, intent)
+        nodes = jnp.asarray(roadmap_of(observation).nodes)
+        return self.agent_state(observation, belief.on(nodes), intent)
 
     def look(self, situation: AgentState, memory: Memory) -> Insight:
         """Show the situation to the network."""
