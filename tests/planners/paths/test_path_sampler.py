@@ -61,6 +61,7 @@ def test_of_a_survey_beyond_the_capacity_the_nodes_are_predicted_with_the_grid(t
     )
     assert state.measurement_time.size > scenario.belief_capacity
     seen = eqx.filter_jit(observe)(mission, knowledge(mission, state, jnp.int32(0), jnp.zeros(1, bool)))
+    assert seen.roadmap is not None and seen.at_nodes is not None
     nodes = seen.roadmap.nodes
     alone = eqx.filter_jit(lambda belief, points: belief.on(points))(seen.belief, nodes)
     assert seen.belief.query.shape == mission.grid.shape
