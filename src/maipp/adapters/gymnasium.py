@@ -36,7 +36,7 @@ class SurveyEnv(BaseSurveyEnv, gymnasium.Env):  # type: ignore[misc]  # both dec
     metadata = {"name": "maipp_survey_v0", "render_modes": list(RENDER_MODES), "render_fps": 4}
 
     def __init__(self, scenario: Scenario | None = None, **options: Any) -> None:
-        """As `Survey`; spaces are those of one robot."""
+        """As `BaseSurveyEnv`; spaces are those of one robot."""
         super().__init__(scenario, **options)
         name = self.possible_agents[0]
         self.action_space = self.action_spaces[name]  # type: ignore[assignment,method-assign]

@@ -16,7 +16,7 @@ _LAST = 0.3  # s, for the interpreter's own end, which waits for threads that ot
 
 
 class Ending:
-    """In a `with` block, `told` is set by Ctrl-C, by SIGTERM, and by an exception in any thread.
+    """In a `with` block, `requested` is set by Ctrl-C, by SIGTERM, and by an exception in any thread.
 
     A second and a half later the process is ended, should it still be there: compiled code minds no signal. So it is
     where the interpreter does not come to its end after the block.

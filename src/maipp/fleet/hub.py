@@ -21,7 +21,7 @@ class Faults:
 
 @dataclass
 class Hub:
-    """Connects its `Link`s. Deterministic: given the seed and the calls, the same messages are lost."""
+    """Connects its `HubLink`s. Deterministic: given the seed and the calls, the same messages are lost."""
 
     faults: Faults = field(default_factory=Faults)
     seed: int = 0

@@ -168,7 +168,7 @@ class SampleFile:
 
 @dataclass(frozen=True)
 class VehicleKeys:
-    """The vehicle as the file has it; None is as `Vehicle` has it."""
+    """The vehicle as the file has it; None is as `VehicleSettings` has it."""
 
     kind: Text | None = described(None, "`boat`, `rover` or `copter`", allowed=expected(Text))
     autopilot: Text | None = described(None, "`ardupilot` or `px4`", allowed=expected(Text))

@@ -45,7 +45,7 @@ class Senses(NamedTuple):
 
 @runtime_checkable
 class Channel(Protocol):
-    """The way to the autopilot (`Link`)."""
+    """The way to the autopilot (`MavlinkConnection`)."""
 
     def send(self, name: str, *fields: Any) -> None:
         """Send a message."""
