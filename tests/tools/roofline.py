@@ -162,11 +162,11 @@ def policy_stages(missions: Any, states: Any, planner: Any) -> dict[str, tuple[C
     import jax
     import jax.numpy as jnp
 
-    from maipp.engine.observe import turn
+    from maipp.engine.observe import begin_event
 
     mission, state = jax.tree.map(lambda a: a[0], (missions, states))
     sampler, key = planner.sampler, jax.random.key(0)
-    observation = jax.jit(lambda m, s: turn(m, s)[2])(mission, state)
+    observation = jax.jit(lambda m, s: begin_event(m, s)[2])(mission, state)
     memory = jax.tree.map(lambda a: a[observation.agent], state.memory)
     nobody = jnp.zeros(observation.roadmap.nodes.shape[0])
 
@@ -181,7 +181,7 @@ def policy_stages(missions: Any, states: Any, planner: Any) -> dict[str, tuple[C
     paths = jax.jit(sample)(where, insight)
     network, view = sampler.policy, insight.view
     return {
-        "belief": (lambda m, s: turn(m, s)[2].belief, (mission, state)),
+        "belief": (lambda m, s: begin_event(m, s)[2].belief, (mission, state)),
         "encoder": (lambda f, e: network.encode(f, e), (view.features, view.encoding)),
         "attention": (lambda x: network.encoder[0].attention(x), (insight.prepared.embeddings,)),
         "paths": (sample, (where, insight)),
