@@ -36,9 +36,10 @@ _LATE = 50.0
 _SMALL_TEAM, _FAR = 4, 8
 _TEAM_LEGS, _FEWEST = 20, 2
 
-# Where it is not said otherwise, a search takes so many gradient steps for each leg, and at least so many
-# (docs/evidence/planning.md has the measurements behind this too).
-_STEPS_PER_LEG, _FEWEST_STEPS = 2.5, 8
+# Where it is not said otherwise, a search takes so many gradient steps for each leg, and at least so many, from so many
+# random plans of many legs or of few, which cost less (docs/evidence/planning.md has the measurements behind this too).
+_STEPS_PER_LEG, _FEWEST_STEPS = 3, 12
+_CANDIDATES, _SHORT_CANDIDATES, _SHORT_LEGS = 64, 128, 4
 
 # More agents than this plan twice on the way of each leg, and fewer missions of them are stepped together.
 _FEW = 5
@@ -65,8 +66,8 @@ class PlanSearch(eqx.Module):
     foreseer: Foresight | None = eqx.field(default=None, kw_only=True)  # None: the one named, if it is needed
     horizon: int | None = option(None, meaning="legs planned; None: by the number of agents")
     decisions: int | None = option(None, meaning="times that the agent plans per leg; None: by the number of agents")
-    candidates: int = option(64, meaning="random plans scored")
-    elites: int = option(6, meaning="best of them, refined by gradient")
+    candidates: int | None = option(None, meaning="random plans scored; None: by the number of legs")
+    elites: int = option(8, meaning="best of them, refined by gradient")
     steps: int | None = option(None, meaning="gradient steps; None: by the number of legs")
     survivors: int = option(2, meaning="best of these after half of the steps, refined to the end")
     rate: float = option(0.2, meaning="first gradient step, radians or legs")
@@ -89,13 +90,14 @@ class PlanSearch(eqx.Module):
             raise InputError(f"horizon={self.horizon}: give a whole number >= 1, or none")
         if self.decisions is not None and not 1 <= self.decisions <= _MOST_DECISIONS:
             raise InputError(f"decisions={self.decisions}: give a whole number from 1 to {_MOST_DECISIONS}, or none")
-        for name in ("candidates", "elites", "points"):
+        for name in ("elites", "points"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}={getattr(self, name)}: give a whole number >= 1")
-        if self.steps is not None and self.steps < 1:
-            raise InputError(f"steps={self.steps}: give a whole number >= 1, or none")
-        if self.elites > self.candidates:
-            raise InputError(f"elites={self.elites} is more than candidates={self.candidates}; give at most as many")
+        for name in ("candidates", "steps"):
+            if (value := getattr(self, name)) is not None and value < 1:
+                raise InputError(f"{name}={value}: give a whole number >= 1, or none")
+        if self.elites > self.random_plans:
+            raise InputError(f"elites={self.elites} is more than candidates={self.random_plans}; give at most as many")
         if not self.rate > 0 or not self.blur > 0:
             raise InputError(f"rate={self.rate}, blur={self.blur}: both must be > 0")
         if self.spread is not None and not self.spread >= 0:
@@ -114,9 +116,16 @@ class PlanSearch(eqx.Module):
         return max(_TEAM_LEGS // self.scenario.agents, _FEWEST)
 
     @property
+    def random_plans(self) -> int:
+        """That a search scores: `candidates`; left out, 64, or 128 of few legs."""
+        if self.candidates is not None:
+            return self.candidates
+        return _CANDIDATES if self.legs > _SHORT_LEGS else _SHORT_CANDIDATES
+
+    @property
     def gradient_steps(self) -> int:
         """Of a search: `steps`; left out, the more the more legs there are."""
-        return self.steps if self.steps is not None else max(round(_STEPS_PER_LEG * self.legs), _FEWEST_STEPS)
+        return self.steps if self.steps is not None else max(_STEPS_PER_LEG * self.legs, _FEWEST_STEPS)
 
     @property
     def decisions_per_leg(self) -> int:
@@ -210,7 +219,7 @@ class PlanSearch(eqx.Module):
             score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
             rough=lambda plans: value(*rough, rough_prospect, plans),
             final=lambda plans: value(belief, inside, known, prospect, plans),
-            options=SearchOptions(self.candidates, self.elites, self.gradient_steps, self.rate, self.survivors),
+            options=SearchOptions(self.random_plans, self.elites, self.gradient_steps, self.rate, self.survivors),
             proposals=proposals,
         )
 
