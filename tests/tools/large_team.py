@@ -1,6 +1,7 @@
 """`python -m tests.tools.large_team`: one mission of a large team in one compiled batch, its time and its memory.
 
-Every planner runs in a process of its own on one core, so that the most memory is its own. One line of CSV each.
+With `--knows`, one decision of a team that knows so many measurements, as `maipp benchmark scaling` times it. Every planner
+runs in a process of its own on one core, so that the most memory is its own. One line of CSV each.
 """
 
 import multiprocessing
@@ -28,6 +29,18 @@ class LargeTeam:
     """of each, domain units"""
     seed: int = 0
     """of the world and the planner"""
+    knows: int | None = None
+    """measurements that the team knows already: then one decision is timed"""
+
+
+def decision(name: str, agents: int, knows: int, seed: int) -> str:
+    """One decision on one core: planner, robots, measurements known, CPU ms (median of 20), MiB that it needs."""
+    use_one_core()
+    from maipp.bench.scaling import Size, measure
+
+    size = Size(agents, knows, grid=30, nodes=200)
+    cost = measure(name, "agents", size, length_scale=0.25, capacity=None, least=20, seed=seed)
+    return f"{name},{agents},{knows},{cost.decision_ms:.1f},{cost.memory_mb:.1f}"
 
 
 def run(name: str, agents: int, budget: float, seed: int) -> str:
@@ -55,6 +68,12 @@ def run(name: str, agents: int, budget: float, seed: int) -> str:
 def main(flags: LargeTeam) -> None:
     """Run and print."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if flags.knows is not None:
+        print("planner,robots,measurements known,CPU ms a decision,MiB at its peak")
+        for name in flags.planner:
+            with multiprocessing.get_context("spawn").Pool(1) as pool:
+                print(pool.apply(decision, (name, flags.agents, flags.knows, flags.seed)), flush=True)
+        return
     print("planner,robots,decisions,measurements,CPU s (compiling included),ms a decision,most MiB")
     for name in flags.planner:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
