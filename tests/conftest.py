@@ -57,6 +57,12 @@ TINY_PLANNERS = {
     "intent-search": {"weights": "untrained", "paths": 2, "nodes": 2} | _SEARCH,
 }
 
+
+def some_planners(*names: str):
+    """A test of these planners by `name`, and in `make test-all` of all others: for what hardly depends on them."""
+    return pytest.mark.parametrize("name", [name if name in names else slow(name) for name in TINY_PLANNERS])
+
+
 # No deadline: the first example of a test pays for compilation.
 settings.register_profile("maipp", deadline=None, max_examples=50, derandomize="CI" in os.environ)
 settings.load_profile("maipp")

@@ -14,6 +14,7 @@ from maipp.errors import InputError
 from maipp.planners import make_planner, planner_class
 from maipp.problem import params_of, problem_of, shape_of
 from maipp.scenario import Scenario
+from tests.conftest import TINY_PLANNERS, some_planners
 
 TINY = Scenario(agents=2, grid=6, nodes=12, neighbours=4, measurement_interval=0.25)
 SCENARIOS = [
@@ -25,8 +26,9 @@ SCENARIOS = [
 SHAPE = shape_of(SCENARIOS)
 
 
-def test_budgets_ranges_length_scales_and_thresholds_compile_once(tiny_planner, monkeypatch):
-    name, options = tiny_planner
+@some_planners("shared-greedy", "lawnmower", "sga-rrt", "receding-horizon", "intent-paths")
+def test_budgets_ranges_length_scales_and_thresholds_compile_once(name, monkeypatch):
+    options = TINY_PLANNERS[name]
     kind, traced, scored = planner_class(name), [], []
     decide, score = kind.decide, scores._score
     monkeypatch.setattr(kind, "decide", lambda *args: traced.append(1) or decide(*args))

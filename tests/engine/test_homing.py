@@ -16,6 +16,7 @@ from maipp.planners import make_planner
 from maipp.problem import problem_of
 from maipp.roadmap import Home, Obstacles, home_of
 from maipp.scenario import Scenario
+from tests.conftest import TINY_PLANNERS, some_planners
 
 WALL = ((0.45, 0.25), (0.55, 0.25), (0.55, 1.0), (0.45, 1.0))
 SCENARIO = Scenario(
@@ -30,12 +31,12 @@ unit = st.floats(0, 1, width=32)
 ENDS = ([[0.2, 0.8], [0.2, 0.7]], [[0.8, 0.8], [0.8, 0.9]], [[[0.8, 0.1], [0.1, 0.1]], []])  # of one shape
 
 
-def test_everybody_comes_home_in_time_around_the_zones(tiny_planner):
+@some_planners("greedy", "lawnmower", "sga-rrt", "ti", "intent-search")
+def test_everybody_comes_home_in_time_around_the_zones(name):
     """The start, another place behind a wall, and several for one agent while the other may end anywhere."""
-    name, options = tiny_planner
     for end in ENDS:
         scenario = SCENARIO.replace(end=end)
-        planner = make_planner(name, scenario, options)
+        planner = make_planner(name, scenario, TINY_PLANNERS[name])
         check_homes(scenario, run_missions(planner, drawn(scenario, planner), jax.random.key(0)))
 
 

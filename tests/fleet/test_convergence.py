@@ -6,7 +6,7 @@ from tests.conftest import slow
 from tests.fleet import schedules
 
 
-@pytest.mark.parametrize(("adapt", "count"), [(False, 40), (True, 12), slow(False, 200), slow(True, 60)])
+@pytest.mark.parametrize(("adapt", "count"), [(False, 30), (True, 12), slow(False, 200), slow(True, 60)])
 def test_after_any_schedule_all_logs_and_beliefs_are_the_same(make_team, adapt, count):
     schedules.run(make_team, count, 25, adapt)
 

@@ -4,13 +4,12 @@ import itertools
 
 import jax
 import numpy as np
-import pytest
 
 from maipp.engine.observe import time_tolerance
 from maipp.live import LiveSurvey, world
 from maipp.live.messages import pack
 from maipp.scenario import Scenario
-from tests.conftest import TINY_PLANNERS, slow
+from tests.conftest import TINY_PLANNERS, some_planners
 from tests.shared.stepped import Stepped
 
 SCENARIO = Scenario(
@@ -120,12 +119,7 @@ def follow(scenario, planner, slots, *, prior=None, folder=None, exact):
     return crew
 
 
-def some(*names):
-    """These planners' names, and those of all others as slow ones."""
-    return pytest.mark.parametrize("name", [name if name in names else slow(name) for name in TINY_PLANNERS])
-
-
-@some("shared-greedy", "lawnmower", "receding-horizon", "ti")
+@some_planners("shared-greedy", "lawnmower", "receding-horizon", "ti")
 def test_in_the_same_shape_decisions_are_the_same_to_the_bit(name, tmp_path):
     """Prior samples, no-go zones, homes, and a restart half-way."""
     scenario = SCENARIO.replace(obstacles=WALL, end="start", reserve=0.05)
@@ -141,7 +135,7 @@ def test_foreseeing_decides_the_same(tmp_path):
     follow(scenario, planner, slots, prior=SAMPLES, folder=tmp_path, exact=True)
 
 
-@some("shared-greedy", "di")
+@some_planners("shared-greedy", "di")
 def test_with_a_limited_range_and_growing_room_they_are_the_same_up_to_rounding(name, monkeypatch):
     """Each robot has a survey of its own, which is told what it hears, and begins with room for one measurement.
 
