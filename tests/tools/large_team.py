@@ -1,7 +1,7 @@
 """`python -m tests.tools.large_team`: one mission of a large team in one compiled batch, its time and its memory.
 
-With `--knows`, one decision of a team that knows so many measurements, as `maipp benchmark scaling` times it. Every planner
-runs in a process of its own on one core, so that the most memory is its own. One line of CSV each.
+With `--knows`, one decision of a team that knows so many measurements, as `maipp benchmark scaling` times it. Every
+planner runs in a process of its own on one core, so that the most memory is its own. One line of CSV each.
 """
 
 import multiprocessing
