@@ -114,11 +114,15 @@ def search(
         plans = jnp.concatenate([plans, proposals])
     rough = score if rough is None else rough
     elites = _best(rough, plans, plans, options.elites)
-    early = options.steps // 2
-    descent = descend(_slope(rough), begin(elites), options.steps, options.rate, last=early)
-    # The rest would be spent on plans that end worse than the survivors.
-    descent, elites = _best(score, descent.plans, (descent, elites), min(options.survivors, options.elites))
-    descent = descend(_slope(score), descent, options.steps, options.rate, first=early)
+    # Steps would be spent on plans that end worse than others: after a quarter of them the better half goes on, after
+    # half of them the survivors.
+    half, quarter = options.steps // 2, options.steps // 4
+    descent = descend(_slope(rough), begin(elites), options.steps, options.rate, last=quarter)
+    survivors = min(options.survivors, options.elites)
+    descent, elites = _best(rough, descent.plans, (descent, elites), max(options.elites // 2, survivors))
+    descent = descend(_slope(rough), descent, options.steps, options.rate, first=quarter, last=half)
+    descent, elites = _best(score, descent.plans, (descent, elites), survivors)
+    descent = descend(_slope(score), descent, options.steps, options.rate, first=half)
     finalists = jnp.concatenate([elites, descent.plans])
     return Finalists(finalists, final(finalists))
 

@@ -38,7 +38,7 @@ _TEAM_LEGS, _FEWEST = 20, 2
 
 # Where it is not said otherwise, a search takes so many gradient steps for each leg, and at least so many, from so many
 # random plans of many legs or of few, which cost less (docs/evidence/planning.md has the measurements behind this too).
-_STEPS_PER_LEG, _FEWEST_STEPS = 3, 12
+_STEPS_PER_LEG, _FEWEST_STEPS = 2.75, 12
 _CANDIDATES, _SHORT_CANDIDATES, _SHORT_LEGS = 64, 128, 4
 
 # More agents than this plan twice on the way of each leg, and fewer missions of them are stepped together.
@@ -125,7 +125,7 @@ class PlanSearch(eqx.Module):
     @property
     def gradient_steps(self) -> int:
         """Of a search: `steps`; left out, the more the more legs there are."""
-        return self.steps if self.steps is not None else max(_STEPS_PER_LEG * self.legs, _FEWEST_STEPS)
+        return self.steps if self.steps is not None else max(round(_STEPS_PER_LEG * self.legs), _FEWEST_STEPS)
 
     @property
     def decisions_per_leg(self) -> int:
