@@ -32,7 +32,7 @@ def compiled():
         ctypes.CDLL(None).pthread_mutex_lock(mutex)
 
 def works(ending):
-    while not ending.told.wait(0.02):
+    while not ending.requested.wait(0.02):
         link.receive()
         link.ask("have", b"", 0.2)
 
@@ -60,7 +60,7 @@ with Ending() as ending:
             raise ValueError("the main thread has failed")
         elif doing == "answer":
             with ZenohLink("boat-2", "0" * 64, connect=[f"tcp/127.0.0.1:{port}"]) as other:
-                while not ending.told.wait(0.02):
+                while not ending.requested.wait(0.02):
                     other.ask("have", b"", 0.2, "boat-1")
         else:
             works(ending)

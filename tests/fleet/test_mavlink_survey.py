@@ -54,7 +54,7 @@ def test_it_surveys_and_comes_home(tmp_path, monkeypatch, loss):
         track.append((pilot.x, pilot.y))
 
     clock = Clock()
-    monkeypatch.setattr(making, "Link", lambda url, baud, source, now: Channel(radio, clock, source))
+    monkeypatch.setattr(making, "MavlinkConnection", lambda url, baud, source, now: Channel(radio, clock, source))
     monkeypatch.setattr(time, "sleep", step)  # while it waits for the autopilot
     monkeypatch.setattr(time, "monotonic", lambda: radio.time)
     place = VehicleContext("boat-1", survey, mission, tmp_path, clock, 5, told.append)

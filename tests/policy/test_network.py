@@ -219,7 +219,7 @@ def test_the_policy_needs_little():
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             found |= {*names, node.module} if isinstance(node, ast.ImportFrom) else set(names)
     ours = {name for name in found if name.startswith("maipp")}
-    assert {name.split(".")[1] for name in ours} == {"errors", "files", "policy", "records", "typing"}
+    assert {name.split(".")[1] for name in ours} == {"errors", "files", "policy", "records", "renamed", "typing"}
     outside = {name.split(".")[0] for name in found - ours}
     assert {"jax", "equinox", "safetensors", "numpy"} <= outside
     assert outside <= {

@@ -95,15 +95,14 @@ class PathSampler(eqx.Module):
     def agent_state(self, observation: Observation, nodes: Belief | None, intent: Vector) -> AgentState:
         """Where the due agent is on its roadmap.
 
-        `nodes` is a belief at its nodes (`Observation.at_nodes`, or one that counts what others announced), `intent`
-        the others' map. Raises ValueError where the mission was drawn without roadmaps.
+        `nodes` is a belief at its nodes (`Observation.at_nodes`, or one that counts what others announced; None: the
+        agent's own), `intent` the others' map. Raises ValueError where the mission was drawn without roadmaps.
         """
         roadmap = roadmap_of(observation)
-        assert nodes is not None  # there is a roadmap
         meeting = appointment(self.scenario, observation, meet=self.meet)
         return AgentState(
             roadmap=roadmap,
-            nodes=nodes,
+            nodes=observation.belief.on(jnp.asarray(roadmap.nodes)) if nodes is None else nodes,
             here=feasible_edges(self.scenario, observation, meeting),
             position=observation.position,
             remaining=observation.remaining,
