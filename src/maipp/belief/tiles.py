@@ -70,7 +70,7 @@ def tile_moments(
     def predict(tile: Float[Array, "c 2"]) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
         return _predict(kernel, survey, tile, min(_PER_TILE, slots))
 
-    # On a CPU tile by tile, whose matrices stay in a core's cache: a third of the time of all tiles at once.
+    # On a CPU tile by tile, whose matrices stay in a core's cache (docs/evidence/speed.md, large teams).
     every = partial(lax.map, predict) if jax.default_backend() == "cpu" else jax.vmap(predict)
     mean, variance = every(points[index])
     # Gathered, not scattered: a CPU takes microseconds for each place that is written to. The last point may be in its
