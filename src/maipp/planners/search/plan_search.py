@@ -96,8 +96,9 @@ class PlanSearch(eqx.Module):
         for name in ("candidates", "steps"):
             if (value := getattr(self, name)) is not None and value < 1:
                 raise InputError(f"{name}={value}: give a whole number >= 1, or none")
-        if self.elites > self.random_plans:
-            raise InputError(f"elites={self.elites} is more than candidates={self.random_plans}; give at most as many")
+        if self.elites > self.candidates_scored:
+            count = self.candidates_scored
+            raise InputError(f"elites={self.elites} is more than candidates={count}; give at most as many")
         if not self.rate > 0 or not self.blur > 0:
             raise InputError(f"rate={self.rate}, blur={self.blur}: both must be > 0")
         if self.spread is not None and not self.spread >= 0:
@@ -116,7 +117,7 @@ class PlanSearch(eqx.Module):
         return max(_TEAM_LEGS // self.scenario.agents, _FEWEST)
 
     @property
-    def random_plans(self) -> int:
+    def candidates_scored(self) -> int:
         """That a search scores: `candidates`; left out, 64, or 128 of few legs."""
         if self.candidates is not None:
             return self.candidates
@@ -219,7 +220,7 @@ class PlanSearch(eqx.Module):
             score=lambda plans: value(coarse, coarse_inside, coarse_known, coarse_prospect, plans),
             rough=lambda plans: value(*rough, rough_prospect, plans),
             final=lambda plans: value(belief, inside, known, prospect, plans),
-            options=SearchOptions(self.random_plans, self.elites, self.gradient_steps, self.rate, self.survivors),
+            options=SearchOptions(self.candidates_scored, self.elites, self.gradient_steps, self.rate, self.survivors),
             proposals=proposals,
         )
 
